@@ -1,0 +1,37 @@
+# The two commands of a newcomer: `make demo` and `make test`. Everything else is CMake with its presets.
+.PHONY: deps build demo test asan format tidy clean
+
+deps:
+	@scripts/install-deps.sh
+
+build/release/build.ninja: | deps
+	cmake --preset release
+
+build: deps build/release/build.ninja
+	cmake --build --preset release
+
+demo: build
+	@mkdir -p out
+	build/release/bin/interflect solve scenes/cornell-box.obj --patches 5000 \
+	  -o out/cornell-box.png -o out/cornell-box.glb --report out/cornell-box.json
+	@echo "The picture is $(CURDIR)/out/cornell-box.png; the mesh beside it opens in Blender or any glTF viewer."
+
+test: build
+	ctest --preset release
+	cmake --preset asan
+	cmake --build --preset asan
+	ctest --preset asan
+
+asan: deps
+	cmake --preset asan
+	cmake --build --preset asan
+	ctest --preset asan
+
+format:
+	git ls-files '*.h' '*.cpp' | xargs clang-format-14 -i
+
+tidy: build
+	git ls-files 'host/*.cpp' 'kernels/*.cpp' | xargs -P 2 -n 4 clang-tidy-14 -p build/release --quiet
+
+clean:
+	rm -rf build out

@@ -1,0 +1,38 @@
+# interflect_warnings(TARGET): the warnings that both compilers must pass without one.
+function(interflect_warnings target)
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wconversion)
+  if(INTERFLECT_WERROR)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+endfunction()
+
+set(INTERFLECT_FLOORS "" CACHE INTERNAL "")
+set(INTERFLECT_HEADER_ROOTS "" CACHE INTERNAL "")
+
+# interflect_floor(NAME [DEPENDS floors...] [LIBRARIES targets...] [INCLUDES folders...])
+# host/NAME as an object library. Its headers are spelled "interflect/NAME/x.h", here and after installation; they are
+# found only by a target that names the floor (or one above it) in DEPENDS, so that a wrong include does not build.
+function(interflect_floor name)
+  cmake_parse_arguments(PARSE_ARGV 1 floor "" "" "DEPENDS;LIBRARIES;INCLUDES")
+  set(header_root ${PROJECT_BINARY_DIR}/headers/${name})
+  file(MAKE_DIRECTORY ${header_root}/interflect)
+  file(CREATE_LINK ${PROJECT_SOURCE_DIR}/host/${name} ${header_root}/interflect/${name} SYMBOLIC)
+
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/host/${name}/*.cpp)
+  if(name STREQUAL "device")
+    file(GLOB kernels CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/kernels/omp/*.cpp)
+    list(APPEND sources ${kernels})
+  endif()
+  set(target interflect_${name})
+  add_library(${target} OBJECT ${sources})
+  target_include_directories(${target} PUBLIC ${header_root})
+  target_include_directories(${target} SYSTEM PRIVATE ${floor_INCLUDES})
+  foreach(below IN LISTS floor_DEPENDS)
+    target_link_libraries(${target} PUBLIC interflect_${below})
+  endforeach()
+  target_link_libraries(${target} PRIVATE ${floor_LIBRARIES} fmt::fmt OpenMP::OpenMP_CXX Threads::Threads)
+  interflect_warnings(${target})
+
+  set(INTERFLECT_FLOORS ${INTERFLECT_FLOORS} ${name} CACHE INTERNAL "")
+  set(INTERFLECT_HEADER_ROOTS ${INTERFLECT_HEADER_ROOTS} ${header_root} CACHE INTERNAL "")
+endfunction()

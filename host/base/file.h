@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace interflect {
+
+/// The whole content of a regular file. Throws an input Error when it cannot be opened or read, is a folder, or is
+/// larger than `limit` bytes (the default bounds what a reader will ever be asked to parse).
+[[nodiscard]] std::string read_file(const std::filesystem::path& path, std::uintmax_t limit = std::uintmax_t{1} << 32);
+
+/// A file that appears whole under its final name or not at all: written under a temporary name in the same folder,
+/// synced and renamed by commit(), removed by the destructor when commit() was not reached.
+class AtomicFile {
+ public:
+  /// Opens the temporary file. Throws an input Error when the folder is missing or not writable.
+  explicit AtomicFile(std::filesystem::path path);
+  AtomicFile(const AtomicFile&) = delete;
+  AtomicFile& operator=(const AtomicFile&) = delete;
+  ~AtomicFile();
+
+  /// Appends bytes. Throws an input Error naming the final path when the disk is full or the write fails.
+  void write(std::span<const std::byte> bytes);
+  void write(std::string_view text) { write(std::as_bytes(std::span(text.data(), text.size()))); }
+  /// The temporary name, for libraries that insist on writing the file themselves.
+  [[nodiscard]] const std::filesystem::path& temporary() const { return temporary_; }
+  /// Flushes to the disk and renames to the final name.
+  void commit();
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path temporary_;
+  int descriptor_ = -1;
+};
+
+}  // namespace interflect

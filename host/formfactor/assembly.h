@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "interflect/base/progress.h"
+#include "interflect/formfactor/form_factor_matrix.h"
+#include "interflect/scene/patch_mesh.h"
+
+namespace interflect {
+
+enum class Closure {
+  automatic,  ///< on when the scene is closed
+  on,
+  off,
+};
+
+struct AssemblyOptions {
+  Closure closure = Closure::automatic;
+  std::uint64_t memory_limit = 0;  ///< bytes; 0: available_memory(). More than this predicted is a limit Error.
+  std::uint64_t seed = 1;          ///< of the visibility samples; the result does not depend on the number of threads
+};
+
+/// Row sums Σ_j F_ij over the patches that are not set aside.
+struct RowSums {
+  double min = 0, mean = 0, max = 0;
+};
+
+/// What the assembly did and how good it is.
+struct AssemblyReport {
+  bool closed_scene = false;   ///< no sampled ray from any patch left the scene
+  double escape_fraction = 0;  ///< share of cosine-distributed rays that left the scene, area-weighted
+  double back_fraction = 0;    ///< share of them that ended on the back of a surface, area-weighted
+  bool closure_applied = false;
+  std::uint32_t closure_iterations = 0;
+  double closure_max_change = 0;  ///< largest |d_i d_j − 1| by which a stored factor was moved
+  RowSums before, after;
+  std::vector<std::uint32_t>
+      set_aside;                ///< patches buried in other objects: see next to nothing, left out of the closure
+  std::vector<double> row_sum;  ///< after closure, one per patch
+  std::vector<std::string> warnings;
+  std::uint64_t pairs_considered = 0;  ///< i < j that face each other, at least in part
+  std::uint64_t pairs_analytic = 0;    ///< of them by the contour form
+  std::uint64_t rays = 0;              ///< shadow rays traced
+  double seconds = 0;
+};
+
+struct FormFactors {
+  FormFactorMatrix matrix;
+  AssemblyReport report;
+};
+
+/// Computes S_ij = A_i F_ij once per pair i < j and stores F_ij = S_ij / A_i, F_ji = S_ij / A_j:
+///   S_ij = ∫_Ai ∫_Aj V(x, y) cosθ_x cosθ_y / (π |x − y|²) dy dx
+/// Near pairs by the contour form, far pairs by quadrature, V by rays through Embree. With closure S is scaled to
+/// diag(d) S diag(d) so that every row sum is 1 within 1e-4.
+/// Throws a limit Error, before any work, when the memory will not do.
+[[nodiscard]] FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options = {},
+                                   ProgressSink* progress = nullptr);
+
+/// F between groups of patches: factors[a][b] = Σ_{i∈a} Σ_{j∈b} A_i F_ij / Σ_{i∈a} A_i.
+struct GroupFactors {
+  std::vector<std::string> groups;
+  std::vector<double> areas;
+  std::vector<std::vector<double>> factors;
+};
+[[nodiscard]] GroupFactors between(const FormFactorMatrix& f, const PatchMesh& mesh, const Grouping& grouping);
+
+}  // namespace interflect

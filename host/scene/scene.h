@@ -1,0 +1,96 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "interflect/base/vec3.h"
+
+namespace interflect {
+
+/// How a surface reflects and emits. Colours are linear RGB; the textures hold linear RGB as well (sRGB is decoded when
+/// read) and multiply the constant beside them.
+struct Material {
+  std::string name;
+  Rgb reflectance{};           ///< diffuse reflectance per channel
+  Rgb emittance{};             ///< power leaving per area and channel, in the scene's unit (W/m²)
+  bool two_sided = false;      ///< a patch on each side
+  int reflectance_image = -1;  ///< index into Scene::images, or -1
+  int emittance_image = -1;
+};
+
+/// A texture, decoded: linear RGB, row 0 at the top (v = 0), as in glTF. Lookups wrap around.
+struct Image {
+  std::uint32_t width = 0, height = 0;
+  std::vector<float> pixels;  ///< 3 * width * height
+};
+
+/// What a file says of where a triangle belongs. Names are as in the file and may be empty.
+struct Surface {
+  std::string object;
+  std::string group;
+  std::uint32_t material = 0;  ///< index into Scene::materials
+};
+
+/// A triangle as read; its front is the side from which the vertices run counter-clockwise.
+struct Triangle {
+  std::array<std::uint32_t, 3> vertex{};  ///< indices into Scene::positions
+  std::uint32_t surface = 0;              ///< index into Scene::surfaces
+  std::uint32_t line = 0;                 ///< line in the file, or element number where there are no lines; 0: unknown
+  std::int64_t uv = -1;                   ///< index of the first of three consecutive Scene::uvs, or -1
+};
+
+/// A perspective camera.
+struct Camera {
+  Vec3 eye{};
+  Vec3 target{};
+  Vec3 up{0, 1, 0};
+  double vertical_fov = 0.8;  ///< radians
+};
+
+/// A scene as read from a file: triangles in world coordinates, before it is cut into patches.
+struct Scene {
+  std::string name;  ///< the file's name without folder and extension
+  std::string file;
+  std::vector<Vec3> positions;
+  std::vector<Vec2> uvs;
+  std::vector<Triangle> triangles;
+  std::vector<Surface> surfaces;
+  std::vector<Material> materials;
+  std::vector<Image> images;
+  std::optional<Camera> camera;
+  std::vector<std::string> warnings;  ///< one line each: what the reader had to leave out
+
+  /// Area of triangle t, ½ |(b − a) × (c − a)|, in the scene's unit squared.
+  [[nodiscard]] double area(const Triangle& t) const;
+};
+
+/// Which names the groups of patches get: for tables between groups and for the CSV.
+enum class GroupBy {
+  automatic,  ///< the file's groups if it names more than one, else its objects, else its materials
+  object,
+  group,
+  material,
+};
+
+/// The names of the groups, and for each Scene::surfaces entry the index of its group.
+struct Grouping {
+  std::vector<std::string> names;
+  std::vector<std::uint32_t> of_surface;
+};
+[[nodiscard]] Grouping group_surfaces(const Scene& scene, GroupBy by = GroupBy::automatic);
+
+/// Reads a scene by the file's extension: .xml (rrv), .obj (Wavefront, with its MTL), .gltf, .glb (glTF 2.0).
+/// Every coordinate is finite and every index in range afterwards; reflectances are as the file says (see check_scene).
+/// Throws an input Error naming file, line or element and cause.
+[[nodiscard]] Scene read_scene(const std::filesystem::path& path);
+
+/// The readers behind read_scene(), on a text or bytes in memory. `path` names the source in messages and is where
+/// relative references (MTL, textures, buffers) are looked for.
+[[nodiscard]] Scene read_rrv_xml(const std::string& text, const std::filesystem::path& path);
+[[nodiscard]] Scene read_obj(const std::string& text, const std::filesystem::path& path);
+[[nodiscard]] Scene read_gltf(const std::string& bytes, const std::filesystem::path& path);
+
+}  // namespace interflect
