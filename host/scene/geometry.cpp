@@ -31,7 +31,8 @@ void require_sound(const Scene& scene, std::size_t index) {
   if (t.surface >= scene.surfaces.size()) fail("names a surface that does not exist");
   if (t.uv >= 0 && static_cast<std::uint64_t>(t.uv) + 3 > scene.uvs.size())
     fail("names texture coordinates that do not exist");
-  if (!std::isfinite(scene.area(t))) fail("is too large: its area overflows");
+  // What a file can hold, since every coordinate for itself is finite.
+  if (!std::isfinite(scene.area(t))) throw input_error(scene.file, t.line, "a triangle's area overflows");
 }
 
 }  // namespace

@@ -10,7 +10,8 @@
 namespace interflect {
 
 /// Throws a usage Error when the scene does not hold what Scene promises: an index out of range, a coordinate that is
-/// not finite, an area too large for a double. Readers never make such a scene; a program that fills one by hand may.
+/// not finite. Readers never make such a scene; a program that fills one by hand may. Throws an input Error for a
+/// triangle whose area is too large for a double.
 void require_sound(const Scene& scene);
 
 /// True when area < 1e-12 · (longest edge)²: no area up to rounding, hence no normal. Also for repeated corners.
