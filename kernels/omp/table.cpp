@@ -8,7 +8,9 @@ namespace interflect::omp {
 
 std::span<const TableLine> kernel_table() {
   static const std::vector<TableLine> lines = {
+      {"copy", &copy, "rw", sizeof(StreamArguments), {}},
       {"matvec", &matvec, "rrw", sizeof(MatvecArguments), {{"COLUMNS", 1, 24}}},
+      {"read", &read, "rw", sizeof(StreamArguments), {{"STREAMS", 1, 8}}},
   };
   return lines;
 }

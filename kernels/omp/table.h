@@ -74,6 +74,8 @@ struct TableLine {
 /// Every kernel of this backend.
 [[nodiscard]] std::span<const TableLine> kernel_table();
 
+void copy(const Launch& launch);
 void matvec(const Launch& launch);
+void read(const Launch& launch);
 
 }  // namespace interflect::omp
