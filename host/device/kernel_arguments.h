@@ -7,8 +7,8 @@
 
 namespace interflect {
 
-/// matvec: y[c * vector_stride + first + r] = Σ_j f[r * row_stride + j] * x[c * vector_stride + j],  0 <= r < rows, j <
-/// n Buffers: f (one panel), x, y. Macro COLUMNS: how many c.
+/// matvec: y[c * vector_stride + first + r] = Σ_j f[r * row_stride + j] * x[c * vector_stride + j] for r < rows, j < n.
+/// Buffers: f (one panel), x, y. Macro COLUMNS: how many c.
 struct MatvecArguments {
   std::uint32_t n = 0;              ///< columns of F
   std::uint32_t first = 0;          ///< the panel's first row
@@ -56,5 +56,10 @@ inline constexpr std::uint32_t rr = 0;                                  ///< (r,
 inline constexpr std::uint32_t gamma = 1, delta = 2;                    ///< CG: (d r, r), (d r, w)
 inline constexpr std::uint32_t xw = 1, ww = 2, zx = 3, zw = 4, xx = 5;  ///< BiCGSTAB's product
 }  // namespace sum
+
+/// read and copy, which measure a device's bandwidth: over `lines` cache lines of 16 floats each.
+struct StreamArguments {
+  std::uint32_t lines = 0;
+};
 
 }  // namespace interflect

@@ -8,6 +8,7 @@ namespace interflect::omp {
 
 std::span<const TableLine> kernel_table() {
   static const std::vector<TableLine> lines = {
+      {"copy", &copy, "rw", sizeof(StreamArguments), {}},
       {"matvec", &matvec, "rrw", sizeof(MatvecArguments), {{"COLUMNS", 1, 24}}},
       {"dot", &dot, "rrw", sizeof(VectorArguments), {}},
       {"reduce", &reduce, "w", sizeof(VectorArguments), {}},
@@ -18,6 +19,7 @@ std::span<const TableLine> kernel_table() {
       {"bicgstab_product", &bicgstab_product, "rwrrw", sizeof(VectorArguments), {}},
       {"bicgstab_half", &bicgstab_half, "rww", sizeof(VectorArguments), {}},
       {"bicgstab_step", &bicgstab_step, "rrwwwww", sizeof(VectorArguments), {}},
+      {"read", &read, "rw", sizeof(StreamArguments), {{"STREAMS", 1, 8}}},
   };
   return lines;
 }

@@ -74,7 +74,9 @@ struct TableLine {
 /// Every kernel of this backend.
 [[nodiscard]] std::span<const TableLine> kernel_table();
 
+void copy(const Launch& launch);
 void matvec(const Launch& launch);
+void read(const Launch& launch);
 
 void dot(const Launch& launch);
 void reduce(const Launch& launch);

@@ -42,7 +42,8 @@ inline bool blocked(const Box& box, Vec3 a, Vec3 b) {
   return leave - enter > 1e-9;
 }
 
-/// The six sides of a box in cells x cells rectangles each; normals point inwards for a room, outwards for a thing in it.
+/// The six sides of a box in cells x cells rectangles each; normals point inwards for a room, outwards for a thing in
+/// it.
 inline void add_sides(std::vector<RoomPatch>& patches, const Box& box, int cells, bool inwards, int first_surface) {
   const std::array low{box.low.x, box.low.y, box.low.z};
   const std::array high{box.high.x, box.high.y, box.high.z};
