@@ -78,4 +78,14 @@ void copy(const Launch& launch);
 void matvec(const Launch& launch);
 void read(const Launch& launch);
 
+void dot(const Launch& launch);
+void reduce(const Launch& launch);
+void axpby(const Launch& launch);
+void bounce(const Launch& launch);
+void cg_product(const Launch& launch);
+void cg_step(const Launch& launch);
+void bicgstab_product(const Launch& launch);
+void bicgstab_half(const Launch& launch);
+void bicgstab_step(const Launch& launch);
+
 }  // namespace interflect::omp
