@@ -48,9 +48,12 @@ struct SubdivideOptions {
 [[nodiscard]] double choose_divide(const Scene& scene, std::uint64_t patches, bool two_sided = false);
 
 /// Cuts the scene into patches. Degenerate triangles (area 0 to rounding) are left out. Patch order: by source
-/// triangle, then by the hierarchy of its subdivision, so that neighbours in index are neighbours in space. Textured
-/// materials give each patch the mean of the texture over it. Throws a limit Error for more than max_patches, an input
-/// Error when nothing is left.
+/// triangle, then by the hierarchy of its subdivision, so that neighbours in index are neighbours in space. A two-sided
+/// source triangle gives first its n front patches, then their n back patches in the same order: the back of patch i is
+/// i + n. Vertices closer than 1e-6 of the scene's diagonal and 1e-3 of the patch's altitude are welded. Textured
+/// materials give each patch the mean of the texture over it, times the constant. Throws a limit Error for more than
+/// max_patches (and 2^30), an input Error when nothing is left, a usage Error for a negative or non-finite area and for
+/// a scene with an index out of range.
 [[nodiscard]] PatchMesh subdivide(const Scene& scene, const SubdivideOptions& options);
 
 /// One finding of the input check.

@@ -90,6 +90,11 @@ struct Grouping {
 /// The readers behind read_scene(), on a text or bytes in memory. `path` names the source in messages and is where
 /// relative references (MTL, textures, buffers) are looked for.
 [[nodiscard]] Scene read_rrv_xml(const std::string& text, const std::filesystem::path& path);
+/// OBJ: `o` gives the object, `g` (all its names) the group, Kd the reflectance, Ke the emittance, map_Kd and map_Ke
+/// PNG textures, relative to the MTL file. Faces may be concave, indices negative or ahead of their vertex. A material
+/// that no library defines reflects 0.5 and is warned of, a missing library likewise. Normals, curves, lines and points
+/// are left out. A comment line of our own gives the camera (fov: vertical, in degrees; up and fov may be missing):
+///   #camera eye X Y Z target X Y Z up X Y Z fov DEGREES
 [[nodiscard]] Scene read_obj(const std::string& text, const std::filesystem::path& path);
 [[nodiscard]] Scene read_gltf(const std::string& bytes, const std::filesystem::path& path);
 
