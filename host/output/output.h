@@ -1,8 +1,9 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <string_view>
 #include <vector>
 
 #include "interflect/base/vec3.h"
@@ -19,48 +20,79 @@ struct Solution {
   std::vector<double> row_sum;  ///< Σ_j F_ij
 };
 
-/// Radiosities at the corners of every patch, so that shading is smooth across a surface but not across its edges: the
-/// area-weighted mean of the patches around the vertex that continue the same surface (same material and side, normals
-/// within `crease` radians, connected through shared edges or vertices).
+/// Radiosities at the corners of every patch, [N][3], so that shading is smooth across a surface but not across its
+/// edges: at vertex v of patch i, Σ_j A_j B_j / Σ_j A_j over the patches j that continue i's surface around v. Those
+/// are reached from i over edges at v, step by step, between patches of the same material (or equal ρ and E), either
+/// both emitting or both not, with normals within `crease` radians; a wall that stands on such an edge ends the surface
+/// there. The two sides of a two-sided triangle never mix.
+/// A vertex that hangs in the middle of a coarser neighbour's edge, as subdivision leaves it between triangles of
+/// different size, gets the mean of the edge's ends, so that no crack shows; a vertex that the model itself left
+/// elsewhere on an edge does not.
+/// Patches without a finite radiosity are left out of the mean. Throws an internal Error unless there is one radiosity
+/// per patch.
 [[nodiscard]] std::vector<std::array<Rgb, 3>> corner_radiosities(const PatchMesh& mesh,
                                                                  const std::vector<Rgb>& radiosity,
                                                                  double crease = 0.6);
 
-enum class ToneMap { linear, filmic };
+/// How exposed radiosity becomes what a screen shows (see tone.h). Both keep the hue.
+enum class ToneMap {
+  linear,  ///< as it is, up to 1
+  filmic,  ///< Narkowicz's fit of the ACES curve: dark tones gain contrast, bright ones fade into white slowly
+};
 
 struct PictureOptions {
   std::optional<Camera> camera;  ///< none: frame_scene()
   std::uint32_t width = 1280, height = 720;
-  std::optional<double>
-      exposure;  ///< factor on the radiosity before the tone curve; none: from the picture's own values
+  /// Factor on the radiosity before the tone curve; none: from the picture's own values, so that surfaces that do not
+  /// emit use the screen's range while lamps may clip.
+  std::optional<double> exposure;
   ToneMap tone = ToneMap::filmic;
-  std::uint32_t samples = 16;  ///< per pixel
+  std::uint32_t samples = 16;  ///< per pixel, stratified
 };
 
-/// Linear radiosity per pixel, row 0 at the top, three channels; and the exposure that the options or the values give.
+/// A picture, row 0 at the top, three channels per pixel.
 struct Picture {
   std::uint32_t width = 0, height = 0;
-  std::vector<float> pixels;
-  double exposure = 1;
+  std::vector<float> pixels;  ///< linear radiosity, mean over the pixel
+  double exposure = 1;        ///< the factor that the options or the values gave
+  /// What a screen shows, linear in 0..1: each sample exposed and tone-mapped by `tone` before the mean, so that the
+  /// edges of lamps are smooth too. May be empty in a picture that was not rendered.
+  std::vector<float> display;
+  ToneMap tone = ToneMap::filmic;
 };
 
-/// A camera that shows the scene from inside when it encloses its surfaces, else from outside where most fronts are
-/// seen.
+/// A camera that shows the scene: from inside when the surfaces enclose a room, else from outside where most fronts
+/// are seen. Positions are tried and scored by what rays from them meet, so that it stands in free space, away from
+/// walls, never in furniture or behind a back, and looks at the side with the most different things to see.
+/// The mesh does not say which way is up. Lamps decide if they shine mostly along y or z (light comes from above);
+/// else z is up when the scene is flatter along z than along x and y; else y. Deterministic.
 [[nodiscard]] Camera frame_scene(const PatchMesh& mesh, double aspect);
 
-/// The picture of a solution. Backs of surfaces show black when the patch's front cannot be seen.
+/// The picture of a solution. Backs of surfaces are not there: one looks through the back of a wall into the room.
+/// Where nothing is met the picture is black. Radiosities that are not finite, or negative, show black.
+/// Throws a usage Error for a size of 0 or above 32,768, no samples, an exposure that is not finite and positive, or a
+/// camera that does not look anywhere.
 [[nodiscard]] Picture render(const Solution& solution, const PictureOptions& options);
 
 /// Writers. The file appears whole under its final name or not at all; an input Error names it otherwise.
-void write_png(const Picture& picture, ToneMap tone, const std::filesystem::path& path);  ///< 8-bit sRGB
-void write_exr(const Picture& picture, const std::filesystem::path& path);                ///< linear, half floats
-/// Patch mesh with linear vertex colours: binary PLY with float red, green, blue and 8-bit copies for viewers.
+
+/// 8-bit sRGB, marked as such.
+void write_png(const Picture& picture, ToneMap tone, const std::filesystem::path& path);
+/// OpenEXR: R, G, B as half floats, linear radiosity without exposure (largest half: 65,504), Rec. 709 primaries.
+void write_exr(const Picture& picture, const std::filesystem::path& path);
+/// Patch mesh with colours at the vertices, binary little-endian PLY; faces in patch order. Per vertex: x y z, nx ny nz
+/// (float), red green blue (uchar: sRGB of exposed radiosity, for viewers), radiosity_r radiosity_g radiosity_b (float:
+/// linear radiosity). A vertex appears once for each surface that meets there.
 void write_ply(const Solution& solution, const std::filesystem::path& path);
-/// glTF 2.0 binary, COLOR_0 as linear floats, unlit material, one node per group.
+/// glTF 2.0 binary; a node with its mesh for each group that has patches, triangles in patch order, unlit material.
+/// _RADIOSITY is the linear radiosity. COLOR_0 is linear too, but glTF demands 0..1: it is the radiosity times a
+/// factor, hue-preserving clip at 1. The factor is 1 when all radiosities are within 0..1 and not very dark, else the
+/// automatic exposure; it is stated in the scene's extras as "interflect_color_scale".
 void write_glb(const Solution& solution, const std::filesystem::path& path);
-/// index, group, area, cx, cy, cz, nx, ny, nz, rho_r..b, e_r..b, b_r..b, row_sum; one line per patch.
+/// One header line, then one line per patch: index,group,area,cx,cy,cz,nx,ny,nz,rho_r..b,e_r..b,b_r..b,row_sum.
+/// Numbers round-trip. The group is its name (control characters become spaces), quoted when it must be.
 void write_csv(const Solution& solution, const std::filesystem::path& path);
-/// float32 [N, 3], the radiosities in patch order.
+/// NumPy: float32 [N, 3], the radiosities in patch order.
 void write_npy(const Solution& solution, const std::filesystem::path& path);
 
 }  // namespace interflect

@@ -102,6 +102,11 @@ struct Grouping {
 /// shape or triangleset. An objectdef in another `file` is an error; elements that are not known are left out with a
 /// warning.
 [[nodiscard]] Scene read_rrv_xml(const std::string& text, const std::filesystem::path& path);
+/// OBJ: `o` gives the object, `g` (all its names) the group, Kd the reflectance, Ke the emittance, map_Kd and map_Ke
+/// PNG textures, relative to the MTL file. Faces may be concave, indices negative or ahead of their vertex. A material
+/// that no library defines reflects 0.5 and is warned of, a missing library likewise. Normals, curves, lines and points
+/// are left out. A comment line of our own gives the camera (fov: vertical, in degrees; up and fov may be missing):
+///   #camera eye X Y Z target X Y Z up X Y Z fov DEGREES
 [[nodiscard]] Scene read_obj(const std::string& text, const std::filesystem::path& path);
 
 /// glTF 2.0, as JSON or GLB. The default scene (else the first, else all nodes without a parent) with its nodes'

@@ -1,0 +1,245 @@
+#include "interflect/formfactor/assembly.h"
+
+#include <fmt/format.h>
+#include <omp.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <exception>
+#include <map>
+#include <utility>
+
+#include "interflect/base/error.h"
+#include "interflect/base/memory.h"
+#include "interflect/base/timer.h"
+#include "interflect/formfactor/closure.h"
+#include "interflect/formfactor/hemisphere.h"
+#include "interflect/formfactor/pair_tile.h"
+#include "interflect/formfactor/patch_table.h"
+#include "interflect/formfactor/visibility.h"
+
+namespace interflect {
+
+namespace {
+
+// A scene is closed when less than this share of the cosine-distributed rays leaves it, weighted by area: single rays
+// do slip through T-junctions and cracks of rounding.
+constexpr double closed_below = 1e-4;
+// A patch whose factors sum to less than this is buried: set aside from the closure. So is one of whose hemisphere rays
+// more than 1 − this share end on backs.
+constexpr double buried_below = 0.05;
+// The row sums that the closure aims at; 1e-4 is promised.
+constexpr double closure_target = 2e-5, closure_promise = 1e-4;
+
+std::string in_units(std::uint64_t bytes) {
+  const double mib = static_cast<double>(bytes) / (1024.0 * 1024.0);
+  return mib < 1024 ? fmt::format("{:.1f} MiB", mib) : fmt::format("{:.2f} GiB", mib / 1024);
+}
+
+std::uint64_t predicted_memory(std::uint64_t n) {
+  constexpr std::uint64_t hierarchy_per_triangle = 256;  // Embree, high quality
+  constexpr std::uint64_t per_thread = 1 << 20;
+  const auto threads = static_cast<std::uint64_t>(omp_get_max_threads());
+  return FormFactorMatrix::predicted_bytes(n) + PatchTable::predicted_bytes(n) + n * (hierarchy_per_triangle + 64) +
+         threads * per_thread;
+}
+
+void check_memory(std::uint64_t n, std::uint64_t limit) {
+  if (limit == 0) limit = available_memory();
+  const std::uint64_t needed = predicted_memory(n);
+  if (needed <= limit) return;
+  std::uint64_t fits = 0;
+  for (std::uint64_t step = std::uint64_t{1} << 31; step > 0; step /= 2) {
+    if (predicted_memory(fits + step) <= limit) fits += step;
+  }
+  throw Error(ErrorKind::limit,
+              fmt::format("the form factors of {} patches need {}, and {} may be used: use a larger --divide; about {} "
+                          "patches would fit",
+                          n, in_units(needed), in_units(limit), fits));
+}
+
+struct Geometry {
+  std::vector<Vec3> vertices;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  std::vector<bool> two_sided;  ///< per triangle: a patch on each side
+};
+
+/// The patches as the rays see them, each triangle once.
+Geometry geometry(const PatchMesh& mesh, const PatchTable& patches) {
+  Geometry out;
+  for (const Vec3 p : mesh.vertices) out.vertices.push_back(p - patches.centre);
+  const auto turned = [](std::array<std::uint32_t, 3> t) {  // smallest index first, orientation kept
+    std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+    return t;
+  };
+  std::map<std::array<std::uint32_t, 3>, std::size_t> seen;
+  for (const auto& corners : mesh.corners) {
+    const auto opposite = seen.find(turned({corners[0], corners[2], corners[1]}));
+    if (opposite != seen.end()) {
+      out.two_sided[opposite->second] = true;
+      continue;
+    }
+    seen.emplace(turned(corners), out.triangles.size());
+    out.triangles.push_back(corners);
+    out.two_sided.push_back(false);
+  }
+  return out;
+}
+
+/// Pair k of 0 <= row <= column < blocks, by rows.
+std::pair<std::size_t, std::size_t> block_pair(std::uint64_t k, std::uint64_t blocks) {
+  const auto before = [&](std::uint64_t row) { return row * blocks - row * (row - 1) / 2; };  // pairs in earlier rows
+  std::uint64_t low = 0, high = blocks;
+  while (high - low > 1) {
+    const std::uint64_t middle = (low + high) / 2;
+    (before(middle) <= k ? low : high) = middle;
+  }
+  return {low, low + (k - before(low))};
+}
+
+void store(FormFactorMatrix& f, const PatchTable& patches, const PairTile& tile, std::size_t rows,
+           std::size_t columns) {
+  constexpr std::size_t block = PairTile::block;
+  const std::size_t i0 = rows * block, j0 = columns * block;
+  const std::size_t height = std::min(block, patches.size - i0), width = std::min(block, patches.size - j0);
+  for (std::size_t a = 0; a < height; ++a) {
+    const auto row = f.row(static_cast<std::uint32_t>(i0 + a));
+    const double scale = 1 / patches.area[i0 + a];
+    for (std::size_t b = rows == columns ? a + 1 : 0; b < width; ++b) {
+      row[j0 + b] = static_cast<float>(tile.s(a, b) * scale);
+    }
+  }
+  for (std::size_t b = 0; b < width; ++b) {
+    const auto row = f.row(static_cast<std::uint32_t>(j0 + b));
+    const double scale = 1 / patches.area[j0 + b];
+    for (std::size_t a = 0; a < (rows == columns ? b : height); ++a) {
+      row[i0 + a] = static_cast<float>(tile.s(a, b) * scale);
+    }
+  }
+}
+
+/// The tiles of all block pairs. Each is written by one task alone, so the threads never meet.
+void fill(FormFactorMatrix& f, const PatchTable& patches, const Visibility& visibility, std::uint64_t seed,
+          AssemblyReport& report, ProgressSink& progress) {
+  const std::uint64_t blocks = patches.blocks(), all = blocks * (blocks + 1) / 2;
+  progress.begin("form factors", all);
+  std::uint64_t considered = 0, analytic = 0, rays = 0;
+  std::exception_ptr failure;
+  std::atomic<bool> failed = false;
+#pragma omp parallel reduction(+ : considered, analytic, rays)
+  {
+    const auto guard = [&](const auto& work) {  // no exception may leave the region
+      try {
+        work();
+      } catch (...) {
+#pragma omp critical(interflect_assembly)
+        if (!failed.exchange(true)) failure = std::current_exception();
+      }
+    };
+    std::unique_ptr<PairTile> tile;
+    guard([&] { tile = std::make_unique<PairTile>(patches, visibility, seed); });
+#pragma omp for schedule(dynamic, 4)
+    for (std::uint64_t k = 0; k < all; ++k) {
+      if (failed) continue;
+      guard([&] {
+        const auto [rows, columns] = block_pair(k, blocks);
+        if (tile->compute(rows, columns)) store(f, patches, *tile, rows, columns);
+        progress.advance(1);
+      });
+    }
+    if (tile) {
+      considered += tile->considered();
+      analytic += tile->analytic();
+      rays += tile->rays();
+    }
+  }
+  progress.end();
+  if (failure) std::rethrow_exception(failure);
+  report.pairs_considered = considered;
+  report.pairs_analytic = analytic;
+  report.rays = rays;
+}
+
+RowSums summary(const std::vector<double>& sums, const std::vector<bool>& takes_part) {
+  RowSums out;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    if (!takes_part[i]) continue;
+    out.min = count == 0 ? sums[i] : std::min(out.min, sums[i]);
+    out.max = count == 0 ? sums[i] : std::max(out.max, sums[i]);
+    out.mean += sums[i];
+    ++count;
+  }
+  if (count > 0) out.mean /= static_cast<double>(count);
+  return out;
+}
+
+}  // namespace
+
+FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink* progress) {
+  const Timer timer;
+  ProgressSink silent;
+  ProgressSink& sink = progress != nullptr ? *progress : silent;
+  check_memory(mesh.size(), options.memory_limit);
+
+  FormFactors out;
+  AssemblyReport& report = out.report;
+  const PatchTable patches(mesh);
+  const Geometry shape = geometry(mesh, patches);
+  const Visibility visibility(shape.vertices, shape.triangles);
+  out.matrix = FormFactorMatrix(static_cast<std::uint32_t>(mesh.size()));
+  fill(out.matrix, patches, visibility, options.seed, report, sink);
+
+  const HemisphereShares shares = look_around(patches, visibility, shape.two_sided, options.seed);
+  report.escape_fraction = HemisphereShares::mean(patches, shares.escape);
+  report.back_fraction = HemisphereShares::mean(patches, shares.back);
+  report.closed_scene = report.escape_fraction < closed_below;
+  report.row_sum = out.matrix.row_sums();
+
+  const bool close = options.closure == Closure::on || (options.closure == Closure::automatic && report.closed_scene);
+  std::vector<bool> takes_part(mesh.size(), true);
+  if (close) {
+    for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+      if (report.row_sum[i] >= buried_below && static_cast<double>(shares.back[i]) <= 1 - buried_below) continue;
+      takes_part[i] = false;
+      report.set_aside.push_back(i);
+    }
+  }
+  report.before = summary(report.row_sum, takes_part);
+
+  Scaling scaling;
+  if (close) {
+    scaling = scale_to_closure(out.matrix, takes_part, closure_target);
+    report.closure_applied = true;
+  } else if (options.closure == Closure::automatic) {
+    scaling = cap_row_sums(out.matrix, report.row_sum);
+  }
+  report.closure_iterations = scaling.iterations;
+  report.closure_max_change = scaling.max_change;
+  if (scaling.iterations > 0) report.row_sum = out.matrix.row_sums();
+  report.after = summary(report.row_sum, takes_part);
+
+  if (close && !report.closed_scene) {
+    report.warnings.push_back(fmt::format(
+        "closure forced on an open scene: {:.2f} % of the light that would leave it is given to the patches in sight",
+        100 * report.escape_fraction));
+  }
+  if (close && scaling.residual > closure_promise) {
+    report.warnings.push_back(fmt::format("closure: a row sum is still off by {:.2g} after {} iterations",
+                                          scaling.residual, scaling.iterations));
+  }
+  if (scaling.moved > 0) {
+    report.warnings.push_back(fmt::format("closure moved factors of {} patches by more than {:.0f} %, at most {:.0f} %",
+                                          scaling.moved, 100 * moved_much, 100 * scaling.max_change));
+  }
+  if (!report.set_aside.empty()) {
+    report.warnings.push_back(fmt::format(
+        "{} patches see next to nothing (buried in other objects) and are left out of the closure, the first is {}",
+        report.set_aside.size(), report.set_aside.front()));
+  }
+  report.seconds = timer.seconds();
+  return out;
+}
+
+}  // namespace interflect

@@ -1,0 +1,101 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "interflect/formfactor/kernel.h"
+#include "interflect/formfactor/patch_table.h"
+#include "interflect/formfactor/simd.h"
+#include "interflect/formfactor/visibility.h"
+
+namespace interflect {
+
+/// How many shadow rays a pair gets, by F = S / min(A_i, A_j), the larger of its two form factors. The error that n
+/// rays leave in F is at most F sqrt(v (1 − v) / n), v the visible share: with n = rays_per_factor F the squares add
+/// up, over a row that is all half-hidden, to v (1 − v) / rays_per_factor, that is 3e-3 of the row sum rms; 1e-3 where
+/// one pair in ten is partly hidden, and less because the samples are stratified.
+struct RayBudget {
+  double pilot_per_factor = 2000;  ///< first rays: F times this, 1 to 64
+  double rays_per_factor = 30000;  ///< all rays where the first ones or the neighbours disagree
+  std::uint32_t fewest_when_mixed = 4;
+  std::uint32_t most = 8192;
+  double split_from =
+      0.01;  ///< near, partly hidden pairs with F above this are cut into pieces, each with its own rays
+};
+
+/// Computes S for all pairs of two blocks of patches. One worker per thread; it owns all the memory it needs.
+class PairTile {
+ public:
+  static constexpr std::size_t block = PatchTable::block;
+
+  PairTile(const PatchTable& patches, const Visibility& visibility, std::uint64_t seed, const RayBudget& budget = {});
+
+  /// S for i in block `rows` and j in block `columns` >= rows; within one block only i < j. False: all of it is 0.
+  [[nodiscard]] bool compute(std::size_t rows, std::size_t columns);
+  /// S of the a-th patch of the row block with the b-th of the column block.
+  [[nodiscard]] double s(std::size_t a, std::size_t b) const { return s_[a * block + b]; }
+
+  // Counted since construction.
+  [[nodiscard]] std::uint64_t considered() const { return considered_; }
+  [[nodiscard]] std::uint64_t analytic() const { return analytic_; }
+  [[nodiscard]] std::uint64_t rays() const { return rays_; }
+
+ private:
+  struct Box {
+    Vec3 low, high;
+  };
+  /// Rays are counted into slots: 0 .. block² − 1 are the pairs, those behind are pieces of pairs that were cut.
+  struct Slot {
+    float hidden = 0, total = 0;
+  };
+  /// A pair whose V is the mean over the slots [first, first + s.size()) weighted by s.
+  struct CutPair {
+    std::size_t pair, first;
+    std::vector<double> s;
+  };
+  struct Shape {
+    kernel::Polygon polygon;
+    double share_of_first = 1;
+    Vec3 normal;
+  };
+
+  void find_kinds(std::size_t rows, std::size_t columns);
+  void finish_kind(std::size_t pair, std::size_t i, std::size_t j);
+  void trace_pilot();
+  void trace_mixed();
+  void trace_cut(std::size_t pair, double factor);
+  void add_rays(const Shape& a, const Shape& b, std::size_t pair, std::size_t slot, std::uint32_t first,
+                std::uint32_t count, bool weighted);
+  void flush();
+  [[nodiscard]] bool disagrees(std::size_t pair, std::uint32_t rays) const;
+  [[nodiscard]] double hidden_share(std::size_t pair) const {
+    return slots_[pair].total > 0 ? static_cast<double>(slots_[pair].hidden / slots_[pair].total) : 0;
+  }
+  [[nodiscard]] double factor(std::size_t pair) const;
+  [[nodiscard]] std::size_t row_patch(std::size_t pair) const { return first_row_ + pair / block; }
+  [[nodiscard]] std::size_t column_patch(std::size_t pair) const { return first_column_ + pair % block; }
+  [[nodiscard]] Shape shape(std::size_t patch, std::size_t other, bool straddling) const;
+  [[nodiscard]] std::uint32_t pilot_rays(double factor) const;
+
+  const PatchTable& patches_;
+  const Visibility& visibility_;
+  std::uint64_t seed_;
+  RayBudget budget_;
+  double lift_;  ///< rays start and end this far above their patches
+  std::vector<Box> boxes_;
+  std::size_t first_row_ = 0, first_column_ = 0;
+  std::vector<double> s_;
+  std::vector<simd::PairKind> kind_;
+  std::vector<Slot> slots_;
+  std::vector<CutPair> cut_;
+  std::vector<Visibility::Ray> pending_;
+  std::vector<std::pair<std::uint32_t, float>> pending_slot_;  ///< slot and weight of each pending ray
+  std::unique_ptr<bool[]> occluded_;
+  std::uint64_t considered_ = 0, analytic_ = 0, rays_ = 0;
+};
+
+}  // namespace interflect
