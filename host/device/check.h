@@ -30,4 +30,7 @@ struct KernelCheck {
 /// of the device's.
 [[nodiscard]] std::vector<KernelCheck> check_device(Device& device);
 
+/// The relative error c u / (1 - c u), u = 2^-24, that kernels/README.md allows a matvec of n columns.
+[[nodiscard]] double matvec_bound(std::uint64_t n);
+
 }  // namespace interflect

@@ -9,16 +9,17 @@
 
 // matvec: all sizes, columns and panels against the reference.
 
-namespace interflect::check {
+namespace interflect {
+
+double matvec_bound(std::uint64_t n) {
+  return check::rounding_bound(std::min<std::uint64_t>(n, 256) + (n + 255) / 256 + 5);
+}
+
+namespace check {
 
 namespace {
 
 constexpr std::uint32_t most_columns = 24;
-
-/// The roundings of the unluckiest product: kernels/README.md, matvec.
-std::uint64_t roundings(std::uint64_t n) {
-  return std::min<std::uint64_t>(n, 256) + (n + 255) / 256 + 5;
-}
 
 /// A square matrix of n rows with its vectors and the exact products, shared by all cases of that size.
 struct Problem {
@@ -94,7 +95,7 @@ void add(Device& device, std::vector<KernelCheck>& rows, const Problem& problem,
   row.kernel = "matvec";
   row.parameters = fmt::format("COLUMNS={} panel_rows={} seed={}", columns, panel_rows, problem.seed);
   row.size = problem.n;
-  row.bound = rounding_bound(roundings(problem.n));
+  row.bound = matvec_bound(problem.n);
   add_case(rows, std::move(row), [&] { return run(device, problem, columns, panel_rows); });
 }
 
@@ -117,4 +118,6 @@ void check_matvec(Device& device, std::vector<KernelCheck>& rows) {
   }
 }
 
-}  // namespace interflect::check
+}  // namespace check
+
+}  // namespace interflect

@@ -73,7 +73,7 @@ void read(const Launch& launch) {
   const std::uint64_t groups = launch.groups;
   const auto* data = launch.elements<const float>(0, lines * 16, "data");
   auto* sums = launch.elements<float>(1, groups, "sums");
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(dynamic)
   for (std::uint64_t g = 0; g < groups; ++g) {
     const std::uint64_t first = lines * g / groups;
     sums[g] = HWY_DYNAMIC_DISPATCH(sum_lines)(data + first * 16, lines * (g + 1) / groups - first, streams);
