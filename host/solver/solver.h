@@ -20,7 +20,7 @@ enum class Method { cg, bicgstab, jacobi };
 struct StopTest {
   double tolerance = 1e-6;
   std::uint32_t max_iterations = 1000;
-  std::optional<std::uint32_t> iterations;  ///< exactly so many (Jacobi: so many bounces)
+  std::optional<std::uint32_t> iterations = {};  ///< exactly so many (Jacobi: so many bounces)
 };
 
 /// What was solved, in counted (not estimated) figures.

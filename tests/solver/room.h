@@ -92,7 +92,7 @@ inline std::vector<std::vector<double>> closed(std::vector<std::vector<double>> 
   return s;
 }
 
-inline Room make_room(int wall_cells, int box_cells, std::uint64_t max_panel_bytes = std::uint64_t{1} << 30) {
+inline Room make_room(int wall_cells, int box_cells) {
   Room room;
   const std::array boxes{Box{{0.5, 0.5, 0}, {1.3, 1.4, 1.2}}, Box{{2.2, 1.5, 0}, {3.1, 2.4, 0.8}}};
   add_sides(room.patches, {{0, 0, 0}, {4, 3, 2.5}}, wall_cells, true, 0);
@@ -113,12 +113,19 @@ inline Room make_room(int wall_cells, int box_cells, std::uint64_t max_panel_byt
     }
   }
   s = closed(std::move(s), room.area);
-  room.form_factors = FormFactorMatrix(static_cast<std::uint32_t>(n), max_panel_bytes);
+  room.form_factors = FormFactorMatrix(static_cast<std::uint32_t>(n));
   for (std::uint32_t i = 0; i < n; ++i) {
     const auto row = room.form_factors.row(i);
     for (std::uint32_t j = 0; j < n; ++j) row[j] = static_cast<float>(s[i][j] / room.area[i]);
   }
   return room;
+}
+
+/// The same matrix in panels of at most so many bytes.
+inline FormFactorMatrix repanelled(const FormFactorMatrix& f, std::uint64_t max_panel_bytes) {
+  FormFactorMatrix result(f.size(), max_panel_bytes);
+  for (std::uint32_t i = 0; i < f.size(); ++i) std::copy(f.row(i).begin(), f.row(i).end(), result.row(i).begin());
+  return result;
 }
 
 /// Three channels: walls near `bright` in red and less in green and blue, boxes darker; the lamp, a few patches in the
@@ -141,6 +148,19 @@ inline Light lamp_light(const Room& room, float bright) {
     }
   }
   return light;
+}
+
+/// A closed scene in which every patch sees every other alike: F_ij = A_j / Σ A.
+inline Room sphere(std::uint32_t n) {
+  Room room;
+  room.form_factors = FormFactorMatrix(n);
+  double total = 0;
+  for (std::uint32_t i = 0; i < n; ++i) room.area.push_back(1.0 + 0.5 * std::sin(0.7 * i));
+  for (const double a : room.area) total += a;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    for (std::uint32_t j = 0; j < n; ++j) room.form_factors.row(i)[j] = static_cast<float>(room.area[j] / total);
+  }
+  return room;
 }
 
 }  // namespace interflect::test

@@ -84,31 +84,24 @@ TEST(Solve, CgNeedsAtMostTwoFifthsOfTheProductsOfJacobi) {
   EXPECT_LE(cg.report.products, bicgstab.report.products);
 }
 
-/// A closed scene in which every patch sees every other alike: F_ij = A_j / Σ A.
-Room sphere(std::uint32_t n) {
-  Room room;
-  room.form_factors = FormFactorMatrix(n);
-  double total = 0;
-  for (std::uint32_t i = 0; i < n; ++i) room.area.push_back(1.0 + 0.5 * std::sin(0.7 * i));
-  for (const double a : room.area) total += a;
-  for (std::uint32_t i = 0; i < n; ++i) {
-    for (std::uint32_t j = 0; j < n; ++j) room.form_factors.row(i)[j] = static_cast<float>(room.area[j] / total);
-  }
-  return room;
-}
-
 TEST_P(EveryMethod, FurnaceGlowsEvenly) {
   const Room closed_room = make_room(6, 3);
   const Room ball = sphere(300);
   for (const Room* room : {&closed_room, &ball}) {
     const std::size_t n = room->area.size();
+    const std::vector<double> row_sums = room->form_factors.row_sums();
     for (const float rho : {0.1F, 0.5F, 0.9F, 0.99F}) {
       const Light light{{std::vector<float>(n, rho)}, {std::vector<float>(n, 2.0F)}};
       const Solved s = solved(*room, light, GetParam());
       const double exact = 2.0 / (1.0 - static_cast<double>(rho));
-      for (const float b : s.b[0]) ASSERT_NEAR(static_cast<double>(b), exact, 1e-4 * exact) << "rho " << rho;
+      for (std::size_t i = 0; i < n; ++i) {
+        // the floor under the boxes sees nothing
+        const double expected = row_sums[i] == 0.0 ? 2.0 : exact;
+        ASSERT_NEAR(static_cast<double>(s.b[0][i]), expected, 1e-4 * expected) << "rho " << rho << ", patch " << i;
+      }
       expect_honest(*room, light, s);
-      if (rho < 0.95F) EXPECT_TRUE(s.report.converged);  // at 0.99 b = 100 e: fp32 b ends near 1e-6 of e
+      // at 0.99 b = 100 e, and rounding b to fp32 alone can leave more than 1e-6 of e
+      EXPECT_TRUE(s.report.converged || rho > 0.95F) << s.report.reason;
     }
   }
 }
@@ -124,7 +117,8 @@ TEST_P(EveryMethod, BlackPatchesGiveOutWhatTheyEmitExactly) {
   EXPECT_TRUE(s.report.converged);
   for (std::size_t c = 0; c < 3; ++c) {
     for (std::size_t i = 0; i < room.area.size(); ++i) {
-      if (light.reflectance[c][i] == 0.0F) ASSERT_EQ(s.b[c][i], light.emittance[c][i]);
+      if (light.reflectance[c][i] != 0.0F) continue;
+      ASSERT_EQ(s.b[c][i], light.emittance[c][i]);
     }
   }
   const Doubles exact = reference_solution(room.form_factors, light.reflectance, light.emittance);
