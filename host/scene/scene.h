@@ -89,6 +89,18 @@ struct Grouping {
 
 /// The readers behind read_scene(), on a text or bytes in memory. `path` names the source in messages and is where
 /// relative references (MTL, textures, buffers) are looked for.
+///
+/// rrv's XML: scene > head > objectdef with triangleset (triangle, trianglenext), cuboid, barrel, globe, teapot, and
+/// scene > body with translate, rotate, scale and object. As in rrv: missing dx, dy, dz and angle are 0 (also in
+/// scale); <rotate> is in degrees and left-handed about y (see the source); colours are three numbers with commas,
+/// black where missing, inherited from a triangleset by its triangles and from a triangle by the trianglenext after it;
+/// emission is the emittance, reflectivity the reflectance; radiosity (an earlier result), spec, refl and refr are not
+/// used; shear does nothing. Beyond rrv: an objectdef may hold objects and transformations, the body may hold shapes;
+/// the shapes have an attribute `division` (see Primitive); <camera eye="x,y,z" target="x,y,z" up="x,y,z"
+/// fov="degrees"/> as a child of <scene> becomes Scene::camera (up 0,1,0 and fov, vertical, as in Camera where
+/// missing). Surface::object is the path of object names from the body ("table/leg"), Surface::group the `name` of the
+/// shape or triangleset. An objectdef in another `file` is an error; elements that are not known are left out with a
+/// warning.
 [[nodiscard]] Scene read_rrv_xml(const std::string& text, const std::filesystem::path& path);
 /// OBJ: `o` gives the object, `g` (all its names) the group, Kd the reflectance, Ke the emittance, map_Kd and map_Ke
 /// PNG textures, relative to the MTL file. Faces may be concave, indices negative or ahead of their vertex. A material
