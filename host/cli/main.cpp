@@ -1,3 +1,63 @@
-int main() {
-  return 0;
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <exception>
+#include <new>
+
+#include "commands.h"
+#include "interflect/base/error.h"
+
+namespace {
+
+using interflect::Error;
+using interflect::ErrorKind;
+
+int fail(ErrorKind kind, std::string_view message) {
+  fmt::print(stderr, "interflect: error: {}\n", message);
+  return interflect::exit_status(kind);
+}
+
+/// CLI11's errors in one line, with the status that this program promises for usage errors.
+int usage(const CLI::App& program, const CLI::ParseError& error) {
+  if (error.get_exit_code() == 0) return program.exit(error);  // --help, --version
+  const auto chosen = program.get_subcommands();
+  const std::string command = chosen.empty() ? "interflect" : "interflect " + chosen.front()->get_name();
+  std::string message = error.what();
+  for (char& c : message) c = c == '\n' ? ' ' : c;
+  return fail(ErrorKind::usage, fmt::format("{} (see '{} --help')", message, command));
+}
+
+int run(int argc, char** argv) {
+  CLI::App program("Radiosity on whatever computes: a scene in, its light out.", "interflect");
+  program.set_version_flag("--version", std::string("interflect ") + INTERFLECT_VERSION);
+  program.require_subcommand(1);
+  interflect::cli::Action action;
+  interflect::cli::add_solve(program, action);
+  interflect::cli::add_formfactors(program, action);
+  interflect::cli::add_devices(program, action);
+  interflect::cli::add_check(program, action);
+  interflect::cli::add_bench(program, action);
+  try {
+    program.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return usage(program, error);
+  }
+  const int status = action();
+  // A full disk or a closed pipe shows when the results are flushed.
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) return fail(ErrorKind::input, "cannot write to stdout");
+  return status;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const Error& error) {
+    return fail(error.kind(), error.what());
+  } catch (const std::bad_alloc&) {
+    return fail(ErrorKind::limit, "out of memory");
+  } catch (const std::exception& error) {
+    return fail(ErrorKind::internal, error.what());
+  }
 }

@@ -1,0 +1,74 @@
+#include "interflect/device/check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "commands.h"
+#include "interflect/base/error.h"
+#include "interflect/device/registry.h"
+#include "report.h"
+
+namespace interflect::cli {
+
+namespace {
+
+struct Options {
+  std::string device;
+  bool json = false;
+};
+
+std::vector<std::string> devices_to_check(const std::string& wanted) {
+  if (!wanted.empty()) return {wanted};
+  std::vector<std::string> ids;
+  for (const DeviceEntry& entry : list_devices()) {
+    if (entry.available) ids.push_back(entry.info.id);
+  }
+  return ids;
+}
+
+int run(const Options& options) {
+  std::vector<KernelCheck> rows;
+  for (const std::string& id : devices_to_check(options.device)) {
+    const std::vector<KernelCheck> checks = check_device(*open_device(id));
+    rows.insert(rows.end(), checks.begin(), checks.end());
+  }
+  const auto count = [&](CheckStatus status) {
+    return std::count_if(rows.begin(), rows.end(), [status](const KernelCheck& row) { return row.status == status; });
+  };
+  if (options.json) {
+    auto out = nlohmann::ordered_json::array();
+    for (const KernelCheck& row : rows) {
+      out.push_back({{"device", row.device},
+                     {"kernel", row.kernel},
+                     {"parameters", row.parameters},
+                     {"size", row.size},
+                     {"error", row.error},
+                     {"bound", row.bound},
+                     {"status", std::string(name(row.status))},
+                     {"reason", row.reason}});
+    }
+    fmt::print("{}", dump(out));
+  } else {
+    for (const KernelCheck& row : rows) {
+      fmt::print("{:<10} {:<12} {:<28} {:>7} {:>9.2e} of {:>8.2e}  {}{}{}\n", row.device, row.kernel, row.parameters,
+                 row.size, row.error, row.bound, name(row.status), row.reason.empty() ? "" : ": ", row.reason);
+    }
+    fmt::print("{} passed, {} failed, {} not supported\n", count(CheckStatus::pass), count(CheckStatus::fail),
+               count(CheckStatus::unsupported));
+  }
+  return count(CheckStatus::fail) == 0 ? 0 : exit_status(ErrorKind::device);
+}
+
+}  // namespace
+
+void add_check(CLI::App& program, Action& action) {
+  auto options = std::make_shared<Options>();
+  CLI::App& command = *program.add_subcommand("check", "run every kernel on every device against the fp64 reference");
+  command.add_option("--device", options->device, "only this device");
+  command.add_flag("--json", options->json, "print JSON");
+  command.callback([options, &action] { action = [options] { return run(*options); }; });
+}
+
+}  // namespace interflect::cli

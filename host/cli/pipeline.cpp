@@ -1,0 +1,143 @@
+#include "pipeline.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "interflect/base/error.h"
+#include "interflect/base/timer.h"
+
+namespace interflect::cli {
+
+void add_scene_options(CLI::App& command, SceneOptions& options) {
+  command.add_option("SCENE", options.file, "scene: .xml (rrv), .obj, .gltf or .glb")->required();
+  auto* divide = command.add_option("--divide", options.divide,
+                                    "split triangles into four until their area is at most this (default: as many "
+                                    "patches as come nearest to 5000)");
+  command.add_option("--patches", options.patches, "choose the area whose patch count comes nearest to this")
+      ->excludes(divide);
+  command.add_flag("--two-sided", options.two_sided, "a patch on each side of every triangle");
+  command.add_option("--closure", options.closure, "scale row sums to 1: auto (closed scenes), on, off")
+      ->check(CLI::IsMember({"auto", "on", "off"}));
+  command.add_option("--group-by", options.group_by, "what the groups are: auto, object, group, material")
+      ->check(CLI::IsMember({"auto", "object", "group", "material"}));
+  command.add_flag("--quiet", options.quiet, "no progress and no warnings");
+}
+
+namespace {
+
+constexpr std::uint64_t default_patches = 5000;
+
+GroupBy group_by(const std::string& name) {
+  static const std::map<std::string, GroupBy> names{{"auto", GroupBy::automatic},
+                                                    {"object", GroupBy::object},
+                                                    {"group", GroupBy::group},
+                                                    {"material", GroupBy::material}};
+  return names.at(name);
+}
+
+void report_findings(const Scene& scene, bool two_sided, ProgressSink& progress) {
+  for (const std::string& warning : scene.warnings) progress.message("warning: " + warning);
+  for (const Finding& finding : check_scene(scene, two_sided)) {
+    if (finding.severity == Finding::Severity::error) throw input_error(scene.file, 0, finding.line());
+    progress.message(fmt::format("warning: {}: {}", scene.file, finding.line()));
+  }
+}
+
+}  // namespace
+
+MeshedScene load(const SceneOptions& options, ProgressSink& progress) {
+  MeshedScene loaded;
+  Timer timer;
+  loaded.scene = read_scene(options.file);
+  report_findings(loaded.scene, options.two_sided, progress);
+  loaded.read_seconds = timer.seconds();
+
+  timer.restart();
+  SubdivideOptions subdivision;
+  subdivision.two_sided = options.two_sided;
+  subdivision.divide = options.divide
+                           ? *options.divide
+                           : choose_divide(loaded.scene, options.patches.value_or(default_patches), options.two_sided);
+  loaded.divide = subdivision.divide;
+  loaded.mesh = subdivide(loaded.scene, subdivision);
+  loaded.grouping = group_surfaces(loaded.scene, group_by(options.group_by));
+  loaded.mesh_seconds = timer.seconds();
+  return loaded;
+}
+
+FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& options, ProgressSink& progress) {
+  AssemblyOptions assembly;
+  assembly.closure = options.closure == "on"    ? Closure::on
+                     : options.closure == "off" ? Closure::off
+                                                : Closure::automatic;
+  FormFactors factors = assemble(loaded.mesh, assembly, &progress);
+  for (const std::string& warning : factors.report.warnings) {
+    progress.message(fmt::format("warning: {}: {}", loaded.scene.file, warning));
+  }
+  return factors;
+}
+
+Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, std::unique_ptr<Device> device, Method method,
+                   const StopTest& stop, ProgressSink* progress) {
+  constexpr std::size_t channels = 3;
+  const std::size_t n = mesh.size();
+  Solved solved;
+  const Timer timer;
+  std::vector<std::unique_ptr<Device>> devices;
+  devices.push_back(std::move(device));
+  solved.devices.push_back(devices.front()->info().id);
+  Scheduler scheduler(matrix, std::move(devices), channels);
+  solved.upload_seconds = timer.seconds();
+
+  Columns reflectance(channels, std::vector<float>(n)), emittance = reflectance, radiosity;
+  for (std::size_t c = 0; c < channels; ++c) {
+    for (std::size_t i = 0; i < n; ++i) {
+      reflectance[c][i] = static_cast<float>(mesh.reflectance[i][c]);
+      emittance[c][i] = static_cast<float>(mesh.emittance[i][c]);
+    }
+  }
+  solved.report = solve(scheduler, method, stop, mesh.area, reflectance, emittance, radiosity, progress);
+  solved.radiosity.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t c = 0; c < channels; ++c) solved.radiosity[i][c] = static_cast<double>(radiosity[c][i]);
+  }
+  return solved;
+}
+
+double Energy::balance_error() const {
+  double sum = 0, difference = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    sum += emitted[c];
+    difference += std::abs(emitted[c] - absorbed[c] - escaped[c]);
+  }
+  return sum > 0 ? difference / sum : 0;
+}
+
+Energy energy_balance(const FormFactorMatrix& matrix, const PatchMesh& mesh, const std::vector<Rgb>& radiosity,
+                      const std::vector<double>& row_sum) {
+  const std::uint32_t n = matrix.size();
+  std::vector<Rgb> received(n);  // (F B)_i
+#pragma omp parallel for schedule(static)
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const auto row = matrix.row(i);
+    Rgb sum{};
+    for (std::uint32_t j = 0; j < n; ++j) {
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += static_cast<double>(row[j]) * radiosity[j][c];
+    }
+    received[i] = sum;
+  }
+  Energy energy;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      energy.emitted[c] += mesh.area[i] * mesh.emittance[i][c];
+      energy.absorbed[c] += mesh.area[i] * (1 - mesh.reflectance[i][c]) * received[i][c];
+      energy.escaped[c] += mesh.area[i] * radiosity[i][c] * (1 - row_sum[i]);
+    }
+  }
+  return energy;
+}
+
+}  // namespace interflect::cli

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "interflect/device/device.h"
+#include "interflect/formfactor/assembly.h"
+#include "interflect/output/output.h"
+#include "interflect/scene/patch_mesh.h"
+#include "interflect/solver/solver.h"
+
+namespace interflect::cli {
+
+/// The options that every command with a scene shares.
+struct SceneOptions {
+  std::string file;
+  std::optional<double> divide;
+  std::optional<std::uint64_t> patches;
+  bool two_sided = false;
+  std::string closure = "auto";
+  std::string group_by = "auto";
+  bool quiet = false;
+};
+void add_scene_options(CLI::App& command, SceneOptions& options);
+
+struct MeshedScene {
+  Scene scene;
+  PatchMesh mesh;
+  Grouping grouping;
+  double divide = 0;
+  double read_seconds = 0, mesh_seconds = 0;
+};
+
+/// Reads, checks and cuts the scene. Warnings go to the progress sink; an error among the findings is thrown.
+[[nodiscard]] MeshedScene load(const SceneOptions& options, ProgressSink& progress);
+
+/// Assembles F; the assembly's warnings go to the progress sink.
+[[nodiscard]] FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& options,
+                                           ProgressSink& progress);
+
+/// Radiosity and what it took.
+struct Solved {
+  std::vector<Rgb> radiosity;
+  SolveReport report;
+  std::vector<std::string> devices;
+  double upload_seconds = 0;
+};
+[[nodiscard]] Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, std::unique_ptr<Device> device,
+                                 Method method, const StopTest& stop, ProgressSink* progress);
+
+/// Where the light goes, per channel, in the scene's power unit: emitted = absorbed + escaped when all is right.
+struct Energy {
+  Rgb emitted{}, absorbed{}, escaped{};
+  /// |emitted − absorbed − escaped| / emitted, over all channels; 0 without light.
+  [[nodiscard]] double balance_error() const;
+};
+/// emitted = Σ A E, absorbed = Σ A (1 − ρ)(F B), escaped = Σ A B (1 − Σ_j F_ij): F B is computed anew in double, so
+/// that the balance checks reciprocity and the solution.
+[[nodiscard]] Energy energy_balance(const FormFactorMatrix& matrix, const PatchMesh& mesh,
+                                    const std::vector<Rgb>& radiosity, const std::vector<double>& row_sum);
+
+}  // namespace interflect::cli

@@ -1,0 +1,144 @@
+#include "report.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <map>
+
+namespace interflect::cli {
+
+using nlohmann::ordered_json;
+
+namespace {
+
+double sum(const Rgb& c) {
+  return c[0] + c[1] + c[2];
+}
+
+std::string_view tone_of(const SolveSummary& summary) {
+  if (summary.stop.iterations) return "fixed number of iterations";
+  return summary.solved->report.converged ? "converged" : "NOT CONVERGED";
+}
+
+ordered_json row_sums_json(const RowSums& sums) {
+  return {{"min", sums.min}, {"mean", sums.mean}, {"max", sums.max}};
+}
+
+ordered_json energy_json(const Energy& energy) {
+  return {{"emitted", sum(energy.emitted)},
+          {"absorbed", sum(energy.absorbed)},
+          {"escaped", sum(energy.escaped)},
+          {"balance_error", energy.balance_error()},
+          {"per_channel", {{"emitted", energy.emitted}, {"absorbed", energy.absorbed}, {"escaped", energy.escaped}}}};
+}
+
+/// How many patches of which object are set aside: "table/leg": 12.
+ordered_json set_aside_by_object(const AssemblyReport& report, const PatchMesh& mesh) {
+  std::map<std::string, std::uint32_t> counts;
+  for (const std::uint32_t i : report.set_aside) {
+    const Surface& surface = mesh.surfaces[mesh.surface[i]];
+    ++counts[surface.object.empty() ? surface.group : surface.object];
+  }
+  ordered_json out = ordered_json::object();
+  for (const auto& [name, count] : counts) out[name] = count;
+  return out;
+}
+
+}  // namespace
+
+ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded) {
+  ordered_json out = row_sums_json(report.after);
+  out["before"] = row_sums_json(report.before);
+  out["applied"] = report.closure_applied;
+  out["iterations"] = report.closure_iterations;
+  out["max_change"] = report.closure_max_change;
+  out["closed_scene"] = report.closed_scene;
+  out["escape_fraction"] = report.escape_fraction;
+  out["back_fraction"] = report.back_fraction;
+  out["set_aside"] = {{"count", report.set_aside.size()},
+                      {"by_object", set_aside_by_object(report, loaded.mesh)},
+                      {"patches", report.set_aside}};
+  return out;
+}
+
+ordered_json to_json(const SolveSummary& summary) {
+  const MeshedScene& loaded = *summary.loaded;
+  const FormFactors& factors = *summary.factors;
+  const SolveReport& report = summary.solved->report;
+  ordered_json out;
+  out["interflect"] = INTERFLECT_VERSION;
+  out["scene"] = loaded.scene.file;
+  out["patches"] = loaded.mesh.size();
+  out["triangles"] = loaded.scene.triangles.size();
+  out["divide"] = loaded.divide;
+  out["method"] = std::string(name(summary.method));
+  out["tolerance"] = summary.stop.tolerance;
+  out["converged"] = report.converged;
+  out["iterations"] = report.iterations;
+  out["products"] = report.products;
+  out["relative_residual"] = report.relative_residual;
+  out["devices"] = summary.solved->devices;
+  out["storage"] = {{"format", std::string(name(factors.matrix.storage()))},
+                    {"bytes", factors.matrix.bytes()},
+                    {"nonzero_fraction", factors.matrix.nonzero_fraction()}};
+  out["seconds"] = {{"read", loaded.read_seconds},
+                    {"mesh", loaded.mesh_seconds},
+                    {"form_factors", factors.report.seconds},
+                    {"upload", summary.solved->upload_seconds},
+                    {"solve", report.seconds},
+                    {"write", summary.write_seconds},
+                    {"total", summary.total_seconds}};
+  out["closure"] = closure_json(factors.report, loaded);
+  out["energy"] = energy_json(summary.energy);
+  out["assembly"] = {{"pairs_considered", factors.report.pairs_considered},
+                     {"pairs_analytic", factors.report.pairs_analytic},
+                     {"rays", factors.report.rays}};
+  out["warnings"] = loaded.scene.warnings;
+  for (const std::string& warning : factors.report.warnings) out["warnings"].push_back(warning);
+  return out;
+}
+
+std::string closure_text(const AssemblyReport& report) {
+  const auto line = [](const RowSums& sums) {
+    return fmt::format("{:.5f} / {:.5f} / {:.5f}", sums.min, sums.mean, sums.max);
+  };
+  std::string out = fmt::format("row sums       {} (min / mean / max) as computed\n", line(report.before));
+  if (report.closure_applied) {
+    out +=
+        fmt::format("               {} after closure, {} iterations\n", line(report.after), report.closure_iterations);
+  }
+  if (!report.closed_scene) {
+    out += fmt::format("open scene     {:.1f} % of the light that leaves a surface meets no other\n",
+                       report.escape_fraction * 100);
+  }
+  if (!report.set_aside.empty()) {
+    out += fmt::format("set aside      {} patches that are buried in other objects\n", report.set_aside.size());
+  }
+  return out;
+}
+
+std::string to_text(const SolveSummary& summary) {
+  const MeshedScene& loaded = *summary.loaded;
+  const SolveReport& report = summary.solved->report;
+  std::string out = fmt::format("scene          {}: {} triangles, {} patches (--divide {:.6g})\n", loaded.scene.file,
+                                loaded.scene.triangles.size(), loaded.mesh.size(), loaded.divide);
+  out += fmt::format("form factors   {:.2f} s, {:.0f} MiB, {:.1f} % non-zero\n", summary.factors->report.seconds,
+                     static_cast<double>(summary.factors->matrix.bytes()) / (1 << 20),
+                     100 * summary.factors->matrix.nonzero_fraction());
+  out += closure_text(summary.factors->report);
+  out += fmt::format("solve          {} on {}: {}, {} iterations, {} products, {:.3f} s\n", name(summary.method),
+                     fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,
+                     report.seconds);
+  out += fmt::format("residual       {:.2e} (relative, per channel)\n", fmt::join(report.relative_residual, " "));
+  out += fmt::format("energy         emitted {:.6g} = absorbed {:.6g} + escaped {:.6g}, error {:.1e}\n",
+                     sum(summary.energy.emitted), sum(summary.energy.absorbed), sum(summary.energy.escaped),
+                     summary.energy.balance_error());
+  return out;
+}
+
+std::string dump(const ordered_json& value) {
+  return value.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace interflect::cli

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "pipeline.h"
+
+namespace interflect::cli {
+
+/// Everything that `solve` has to say, for people and for programs.
+struct SolveSummary {
+  const MeshedScene* loaded = nullptr;
+  const FormFactors* factors = nullptr;
+  const Solved* solved = nullptr;
+  Method method = Method::cg;
+  StopTest stop;
+  Energy energy;
+  double write_seconds = 0, total_seconds = 0;
+};
+
+/// The JSON report: the fields that DESIGN's section on the command line fixes, and more beside them.
+[[nodiscard]] nlohmann::ordered_json to_json(const SolveSummary& summary);
+/// The same in a dozen lines.
+[[nodiscard]] std::string to_text(const SolveSummary& summary);
+
+/// Row sums, closure, set-aside patches: the part of the report that `formfactors` prints as well.
+[[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded);
+[[nodiscard]] std::string closure_text(const AssemblyReport& report);
+
+/// JSON text of a value: indented, invalid UTF-8 in names replaced, a newline at the end.
+[[nodiscard]] std::string dump(const nlohmann::ordered_json& value);
+
+}  // namespace interflect::cli

@@ -1,0 +1,177 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <memory>
+
+#include "commands.h"
+#include "console.h"
+#include "interflect/base/error.h"
+#include "interflect/base/file.h"
+#include "interflect/base/timer.h"
+#include "interflect/device/registry.h"
+#include "parse.h"
+#include "pipeline.h"
+#include "report.h"
+
+namespace interflect::cli {
+
+namespace {
+
+struct Options {
+  SceneOptions scene;
+  std::vector<std::string> outputs;
+  std::string report;
+  std::string device = "auto";
+  std::string method = "cg";
+  std::string storage = "auto";
+  StopTest stop;
+  std::string camera, up = "0,1,0", size = "1280x720", tone = "filmic";
+  std::optional<double> exposure;
+  std::uint32_t samples = 16;
+};
+
+Method method_of(const std::string& text) {
+  return text == "cg" ? Method::cg : text == "bicgstab" ? Method::bicgstab : Method::jacobi;
+}
+
+constexpr std::array extensions{".png", ".exr", ".ply", ".glb", ".csv", ".npy", ".json"};
+
+std::string extension_of(const std::string& path) {
+  return std::filesystem::path(path).extension().string();
+}
+
+/// Everything about the outputs that can be wrong before the work starts.
+void check_outputs(const Options& options) {
+  std::vector<std::string> files = options.outputs;
+  if (!options.report.empty()) files.push_back(options.report);
+  for (const std::string& file : options.outputs) {
+    if (std::find(extensions.begin(), extensions.end(), extension_of(file)) == extensions.end()) {
+      throw Error(ErrorKind::usage,
+                  fmt::format("-o {}: '{}' is not an output format (.png, .exr, .ply, .glb, .csv, .npy, .json)", file,
+                              extension_of(file)));
+    }
+  }
+  for (std::size_t k = 0; k < files.size(); ++k) {
+    if (std::find(files.begin(), files.begin() + static_cast<std::ptrdiff_t>(k), files[k]) !=
+        files.begin() + static_cast<std::ptrdiff_t>(k)) {
+      throw Error(ErrorKind::usage, fmt::format("{} is named twice as an output", files[k]));
+    }
+    const AtomicFile probe(files[k]);  // the folder is there and can be written to
+  }
+}
+
+PictureOptions picture_options(const Options& options, const Scene& scene) {
+  PictureOptions picture;
+  const auto [width, height] = parse_size(options.size);
+  picture.width = width;
+  picture.height = height;
+  picture.exposure = options.exposure;
+  picture.tone = options.tone == "linear" ? ToneMap::linear : ToneMap::filmic;
+  picture.samples = options.samples;
+  picture.camera = options.camera.empty() ? scene.camera : parse_camera(options.camera, options.up);
+  return picture;
+}
+
+void write_outputs(const Options& options, const SolveSummary& summary) {
+  const MeshedScene& loaded = *summary.loaded;
+  Solution solution{&loaded.mesh, loaded.grouping, summary.solved->radiosity, summary.factors->report.row_sum};
+  const PictureOptions picture = picture_options(options, loaded.scene);
+  std::optional<Picture> rendered;  // one for .png and .exr together
+  for (const std::string& file : options.outputs) {
+    const std::string extension = extension_of(file);
+    if ((extension == ".png" || extension == ".exr") && !rendered) rendered = render(solution, picture);
+    if (extension == ".png") write_png(*rendered, picture.tone, file);
+    if (extension == ".exr") write_exr(*rendered, file);
+    if (extension == ".ply") write_ply(solution, file);
+    if (extension == ".glb") write_glb(solution, file);
+    if (extension == ".csv") write_csv(solution, file);
+    if (extension == ".npy") write_npy(solution, file);
+  }
+}
+
+void write_report(const SolveSummary& summary, const std::string& path) {
+  AtomicFile file(path);
+  file.write(dump(to_json(summary)));
+  file.commit();
+}
+
+int run(const Options& options) {
+  const Timer total;
+  Console console(options.scene.quiet);
+  check_outputs(options);
+  (void)picture_options(options, Scene{});  // a malformed --size or --camera is found before the work
+  std::unique_ptr<Device> device = open_device(options.device);  // and so is a device that is not there
+
+  const MeshedScene loaded = load(options.scene, console);
+  const FormFactors factors = assemble_checked(loaded, options.scene, console);
+  const Method method = method_of(options.method);
+  const Solved solved = solve_scene(factors.matrix, loaded.mesh, std::move(device), method, options.stop, &console);
+
+  SolveSummary summary{&loaded, &factors, &solved, method, options.stop, {}, 0, 0};
+  summary.energy = energy_balance(factors.matrix, loaded.mesh, solved.radiosity, factors.report.row_sum);
+  const Timer writing;
+  write_outputs(options, summary);
+  summary.write_seconds = writing.seconds();
+  summary.total_seconds = total.seconds();
+  for (const std::string& file : options.outputs) {
+    if (extension_of(file) == ".json") write_report(summary, file);
+  }
+  if (!options.report.empty()) write_report(summary, options.report);
+
+  if (!options.scene.quiet) {
+    fmt::print("{}", to_text(summary));
+    for (const std::string& file : options.outputs) fmt::print("wrote          {}\n", file);
+    if (!options.report.empty()) fmt::print("wrote          {}\n", options.report);
+  }
+  if (solved.report.converged || options.stop.iterations) return 0;
+  fmt::print(stderr, "interflect: not converged: relative residual {:.2e} after {} iterations, asked for {:.2e}\n",
+             *std::max_element(solved.report.relative_residual.begin(), solved.report.relative_residual.end()),
+             solved.report.iterations, options.stop.tolerance);
+  return exit_status(ErrorKind::not_converged);
+}
+
+}  // namespace
+
+void add_solve(CLI::App& program, Action& action) {
+  auto options = std::make_shared<Options>();
+  CLI::App& command = *program.add_subcommand("solve", "solve a scene and write its light");
+  add_scene_options(command, options->scene);
+  command
+      .add_option("-o,--output", options->outputs,
+                  "output, by extension: .png .exr .ply .glb .csv .npy .json (may be given several times)")
+      ->type_size(1)
+      ->allow_extra_args(false);
+  command.add_option("--report", options->report, "the report as JSON");
+  command.add_option("--device", options->device, "device id, see 'interflect devices'")->capture_default_str();
+  command.add_option("--method", options->method, "cg, bicgstab or jacobi")
+      ->check(CLI::IsMember({"cg", "bicgstab", "jacobi"}))
+      ->capture_default_str();
+  command.add_option("--tol", options->stop.tolerance, "relative residual to reach in every channel")
+      ->check(CLI::Range(1e-15, 1.0))
+      ->capture_default_str();
+  auto* most = command.add_option("--max-iterations", options->stop.max_iterations, "give up after so many")
+                   ->check(CLI::Range(0U, 10'000'000U))
+                   ->capture_default_str();
+  command.add_option("--iterations", options->stop.iterations, "exactly so many iterations, whatever the residual")
+      ->check(CLI::Range(0U, 10'000'000U))
+      ->excludes(most);
+  command.add_option("--storage", options->storage, "storage of the form factors: auto, dense32")
+      ->check(CLI::IsMember({"auto", "dense32"}))
+      ->capture_default_str();
+  command.add_option("--camera", options->camera, "EX,EY,EZ,TX,TY,TZ[,FOV]: eye, target, vertical degrees");
+  command.add_option("--up", options->up, "the camera's up: X,Y,Z")->capture_default_str();
+  command.add_option("--size", options->size, "picture size: WIDTHxHEIGHT")->capture_default_str();
+  command.add_option("--exposure", options->exposure, "factor on the radiosity before the tone curve")
+      ->check(CLI::PositiveNumber);
+  command.add_option("--tone", options->tone, "tone curve: linear, filmic")
+      ->check(CLI::IsMember({"linear", "filmic"}))
+      ->capture_default_str();
+  command.add_option("--samples", options->samples, "samples per pixel")
+      ->check(CLI::Range(1U, 4096U))
+      ->capture_default_str();
+  command.callback([options, &action] { action = [options] { return run(*options); }; });
+}
+
+}  // namespace interflect::cli

@@ -1,0 +1,96 @@
+// Bad scenes end with status 3 and one line naming file, line or element, and cause; what will not fit with status 6.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+#include "program.h"
+
+namespace interflect::test {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+void expect_input_error(const Outcome& outcome, const std::string& file, const std::string& cause) {
+  EXPECT_EQ(outcome.status, 3) << outcome.err;
+  ASSERT_EQ(outcome.error_lines().size(), 1U) << outcome.err;
+  EXPECT_THAT(outcome.error_lines().front(), AllOf(HasSubstr(file), HasSubstr(cause)));
+  EXPECT_EQ(outcome.out, "");
+}
+
+const std::string triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+
+TEST(Input, MissingEmptyAndForeignFiles) {
+  const Folder folder;
+  expect_input_error(run_program({"solve", folder.file("none.obj")}), "none.obj", "No such file");
+  expect_input_error(run_program({"solve", "/"}), "/", "not a scene format");
+  std::filesystem::create_directory(folder.file("folder.obj"));
+  expect_input_error(run_program({"solve", folder.file("folder.obj")}), "folder.obj", "folder");
+  for (const char* name : {"empty.obj", "empty.xml", "empty.gltf", "empty.glb"}) {
+    expect_input_error(run_program({"solve", folder.write(name, "")}), name, "");
+  }
+  expect_input_error(run_program({"solve", folder.write("x.stl", "solid")}), "x.stl", "not a scene format");
+}
+
+TEST(Input, NamesTheLine) {
+  const Folder folder;
+  expect_input_error(run_program({"solve", folder.write("a.obj", triangle + "f 1 2 9\n")}), "a.obj:4", "");
+  expect_input_error(run_program({"solve", folder.write("b.obj", "v 0 0 nan\n" + triangle + "f 1 2 3\n")}), "b.obj:1",
+                     "");
+  expect_input_error(run_program({"solve", folder.write("c.xml", "<scene>\n<head>\n<objectdef")}), "c.xml:", "");
+}
+
+TEST(Input, ReflectanceAboveOneIsAnError) {
+  const Folder folder;
+  (void)folder.write("m.mtl", "newmtl bright\nKd 1.5 0 0\nKe 1 1 1\n");
+  const std::string file = folder.write("a.obj", "mtllib m.mtl\n" + triangle + "usemtl bright\nf 1 2 3\n");
+  expect_input_error(run_program({"solve", file}), "a.obj", "reflectance");
+}
+
+TEST(Input, NothingIsLeftBehindAfterAnError) {
+  const Folder folder;
+  const std::string file = folder.write("a.obj", triangle + "f 1 2 9\n");
+  const Outcome outcome = run_program({"solve", file, "-o", folder.file("a.png"), "--report", folder.file("a.json")});
+  EXPECT_EQ(outcome.status, 3);
+  EXPECT_THAT(folder.names(), ElementsAre("a.obj"));
+}
+
+TEST(Input, AFullDiskLeavesNothing) {
+  const Folder folder;
+  // A limit on the size of files stands in for the full disk: the write fails in the same way.
+  const std::string script = folder.write("run.sh", "trap '' XFSZ\nulimit -f 1\nexec \"$@\" 2>/dev/null >/dev/null\n");
+  const std::string command = "bash '" + script + "' '" + INTERFLECT_PROGRAM + "' solve '" + scene_file("furnace.obj") +
+                              "' --divide 0.01 -o '" + folder.file("out.csv") + "'";
+  const int status = std::system(command.c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 3);
+  EXPECT_THAT(folder.names(), ElementsAre("run.sh"));
+}
+
+TEST(Input, UnwritableOutputIsFoundBeforeTheWork) {
+  const Folder folder;
+  const Outcome outcome =
+      run_program({"solve", scene_file("furnace.obj"), "--patches", "40000", "-o", folder.file("none/a.png")});
+  EXPECT_EQ(outcome.status, 3);
+  EXPECT_THAT(outcome.error_lines(), ElementsAre(HasSubstr("none/a.png")));
+}
+
+TEST(Input, MemoryIsPredictedAndRefused) {
+  const Outcome outcome =
+      run_program({"solve", scene_file("furnace.obj"), "--patches", "12000"}, {"INTERFLECT_MEMORY=64M"});
+  EXPECT_EQ(outcome.status, 6) << outcome.err;
+  ASSERT_EQ(outcome.error_lines().size(), 1U);
+  EXPECT_THAT(outcome.error_lines().front(), HasSubstr("--divide"));
+}
+
+TEST(Input, TooManyPatchesIsALimit) {
+  const Outcome outcome = run_program({"solve", scene_file("furnace.obj"), "--divide", "1e-12"});
+  EXPECT_EQ(outcome.status, 6) << outcome.err;
+}
+
+}  // namespace
+}  // namespace interflect::test

@@ -1,0 +1,63 @@
+// Wrong options end with status 2 and one line, before any work.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "program.h"
+
+namespace interflect::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+class Usage : public ::testing::TestWithParam<std::pair<std::vector<std::string>, std::string>> {};
+
+TEST_P(Usage, IsRefusedInOneLineWithStatus2) {
+  const auto& [arguments, named] = GetParam();
+  const Outcome outcome = run_program(arguments);
+  EXPECT_EQ(outcome.status, 2) << outcome.err;
+  ASSERT_EQ(outcome.error_lines().size(), 1U) << outcome.err;
+  EXPECT_THAT(outcome.error_lines().front(), HasSubstr(named));
+  EXPECT_EQ(outcome.out, "");
+}
+
+const std::string box = scene_file("furnace.obj");
+
+INSTANTIATE_TEST_SUITE_P(
+    Options, Usage,
+    ::testing::Values(
+        std::pair{std::vector<std::string>{}, std::string("subcommand")},
+        std::pair{std::vector<std::string>{"paint"}, std::string("paint")},
+        std::pair{std::vector<std::string>{"solve"}, std::string("SCENE")},
+        std::pair{std::vector<std::string>{"solve", box, "--divide", "x"}, std::string("--divide")},
+        std::pair{std::vector<std::string>{"solve", box, "--divide", "-1"}, std::string("--divide")},
+        std::pair{std::vector<std::string>{"solve", box, "--divide", "nan"}, std::string("--divide")},
+        std::pair{std::vector<std::string>{"solve", box, "--divide", "1", "--patches", "9"}, std::string("--patches")},
+        std::pair{std::vector<std::string>{"solve", box, "--patches", "-4"}, std::string("--patches")},
+        std::pair{std::vector<std::string>{"solve", box, "--patches", "0"}, std::string("--patches")},
+        std::pair{std::vector<std::string>{"solve", box, "--method", "gauss"}, std::string("--method")},
+        std::pair{std::vector<std::string>{"solve", box, "--tol", "0"}, std::string("--tol")},
+        std::pair{std::vector<std::string>{"solve", box, "--tol", "nan"}, std::string("--tol")},
+        std::pair{std::vector<std::string>{"solve", box, "--max-iterations", "-1"}, std::string("--max-iterations")},
+        std::pair{std::vector<std::string>{"solve", box, "--storage", "sparse"}, std::string("--storage")},
+        std::pair{std::vector<std::string>{"solve", box, "--size", "12"}, std::string("--size")},
+        std::pair{std::vector<std::string>{"solve", box, "--size", "0x9"}, std::string("--size")},
+        std::pair{std::vector<std::string>{"solve", box, "--camera", "1,2"}, std::string("--camera")},
+        std::pair{std::vector<std::string>{"solve", box, "--camera", "1,2,3,1,2,3"}, std::string("--camera")},
+        std::pair{std::vector<std::string>{"solve", box, "--exposure", "nan"}, std::string("--exposure")},
+        std::pair{std::vector<std::string>{"solve", box, "-o", "x.tiff"}, std::string(".tiff")},
+        std::pair{std::vector<std::string>{"solve", box, "-o", "a.ply", "-o", "a.ply"}, std::string("twice")},
+        std::pair{std::vector<std::string>{"solve", box, "--device", "vulkan:99", "--divide", "1"},
+                  std::string("openmp")},
+        std::pair{std::vector<std::string>{"solve", box, "extra"}, std::string("extra")},
+        std::pair{std::vector<std::string>{"formfactors", box, "--group-by", "colour"}, std::string("--group-by")},
+        std::pair{std::vector<std::string>{"check", "--device", "cuda:7"}, std::string("cuda:7")}));
+
+TEST(Usage, AnUnknownDeviceIsFoundBeforeTheFormFactors) {
+  // A scene that would take minutes: the answer must come at once all the same (the test's own time limit is the
+  // judge).
+  const Outcome outcome = run_program({"solve", box, "--patches", "40000", "--device", "openmp:7"});
+  EXPECT_EQ(outcome.status, 2);
+}
+
+}  // namespace
+}  // namespace interflect::test
