@@ -129,7 +129,7 @@ void check_duplicates(const Scene& scene, std::vector<Face>& faces, std::vector<
   std::sort(repeats.begin(), repeats.end());
   Offenders offenders(Severity::warning, "duplicate triangles");
   for (const auto& [later, original] : repeats) {
-    offenders.add([&] {
+    offenders.add([&, later = later, original = original] {  // Clang 14 captures no structured bindings
       return fmt::format("{} repeats {}", place_of(scene, faces[later].triangle),
                          place_of(scene, faces[original].triangle));
     });

@@ -7,18 +7,19 @@
 
 namespace interflect::testing {
 
-/// A PNG of 8-bit RGB without compression, written from the specification (ISO/IEC 15948, RFC 1950 and 1951), so that a
+/// A PNG of 8-bit (or 16-bit, big-endian) RGB without compression, written from the specification (ISO/IEC 15948, RFC 1950 and 1951), so that a
 /// test can also make one that lies.
 class PngBytes {
  public:
-  /// `rgb`: 3 * width * height bytes, less than 64 KiB with a byte more per row.
-  static std::string make(std::uint32_t width, std::uint32_t height, std::string_view rgb) {
-    std::string header = be32(width) + be32(height);
-    header += std::string("\x08\x02\x00\x00\x00", 5);
+  /// `rgb`: 3 * width * height * bits / 8 bytes, less than 64 KiB with a byte more per row.
+  static std::string make(std::uint32_t width, std::uint32_t height, std::string_view rgb, unsigned bits = 8) {
+    const std::size_t row = std::size_t{3} * width * bits / 8;
+    std::string header = be32(width) + be32(height) + static_cast<char>(bits);
+    header += std::string("\x02\x00\x00\x00", 4);
     std::string rows;
-    for (std::size_t y = 0; y < height && y * width * 3 < rgb.size(); ++y) {
+    for (std::size_t y = 0; y < height && y * row < rgb.size(); ++y) {
       rows += '\0';  // no filter
-      rows += rgb.substr(y * width * 3, std::size_t{3} * width);
+      rows += rgb.substr(y * row, row);
     }
     std::string data("\x78\x01\x01", 3);  // zlib; one final stored block
     const auto n = static_cast<std::uint16_t>(rows.size());
