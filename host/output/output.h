@@ -47,7 +47,8 @@ struct PictureOptions {
   /// emit use the screen's range while lamps may clip.
   std::optional<double> exposure;
   ToneMap tone = ToneMap::filmic;
-  std::uint32_t samples = 16;  ///< per pixel, stratified
+  /// Per pixel, stratified. A pixel whose first 4 see one and the same patch gets no more.
+  std::uint32_t samples = 16;
 };
 
 /// A picture, row 0 at the top, three channels per pixel.

@@ -28,29 +28,26 @@ void check_options(const PictureOptions& o) {
   if (o.exposure && !(*o.exposure > 0 && std::isfinite(*o.exposure))) refuse("the exposure must be a positive number");
 }
 
-/// A scrambled integer: where in its cell a sample lies. Depends on the pixel only, not on threads or time.
-std::uint32_t scramble(std::uint32_t x) {
-  x = (x ^ (x >> 16)) * 0x7feb352dU;
-  x = (x ^ (x >> 15)) * 0x846ca68bU;
-  return x ^ (x >> 16);
-}
+/// Where the samples of a pixel lie: the Hammersley points, one in each of n columns and rows and, for n = 4^k, in each
+/// cell of the 2^k x 2^k grid. The same in every pixel, so that straight edges come out even. The first `scouts` of
+/// them, if there are more, lie in different quarters of the columns and of the rows.
+constexpr std::size_t scouts = 4;
 
-/// Sample s of n in a pixel: a cell of the finest square grid that has n cells or more, jittered within the cell.
-class Stratified {
- public:
-  explicit Stratified(std::uint32_t samples)
-      : samples_(samples), side_(static_cast<std::uint32_t>(std::ceil(std::sqrt(samples)))) {}
-  [[nodiscard]] Vec2 sample(std::uint32_t pixel, std::uint32_t s) const {
-    if (samples_ == 1) return {0.5, 0.5};
-    // Samples that do not fill the grid are spread evenly over its cells.
-    const auto cell = static_cast<std::uint32_t>(std::uint64_t{s} * side_ * side_ / samples_);
-    const std::uint32_t random = scramble(pixel * 0x9E3779B9U + s);
-    return {(cell % side_ + (random & 0xffff) / 65536.0) / side_, (cell / side_ + (random >> 16) / 65536.0) / side_};
+std::vector<Vec2> sample_points(std::uint32_t n) {
+  std::vector<Vec2> points;
+  for (std::uint32_t s = 0; s < n; ++s) {
+    double y = 0.5 / n, digit = 0.5;
+    for (std::uint32_t bits = s; bits != 0; bits >>= 1U, digit /= 2) y += bits & 1U ? digit : 0;
+    points.push_back({(s + 0.5) / n, std::min(y, 1.0)});
   }
-
- private:
-  std::uint32_t samples_, side_;
-};
+  constexpr std::array<Vec2, scouts> wanted{{{0.125, 0.375}, {0.375, 0.875}, {0.625, 0.125}, {0.875, 0.625}}};
+  for (std::size_t k = 0; k < scouts && points.size() > scouts; ++k) {
+    const auto far = [&](Vec2 p) { return std::hypot(p.x - wanted[k].x, p.y - wanted[k].y); };
+    const auto rest = points.begin() + static_cast<std::ptrdiff_t>(k);
+    std::iter_swap(rest, std::min_element(rest, points.end(), [&](Vec2 p, Vec2 q) { return far(p) < far(q); }));
+  }
+  return points;
+}
 
 class Painter {
  public:
@@ -65,14 +62,16 @@ class Painter {
 
   [[nodiscard]] const Camera& camera() const { return camera_; }
 
+  static constexpr std::uint32_t nothing = ~0U;
   struct Sample {
     std::array<float, 3> radiosity{};
-    bool seen = false, lamp = false;
+    std::uint32_t patch = nothing;
+    bool lamp = false;
   };
   [[nodiscard]] Sample look(Vec3 eye, Vec3 direction) const {
     const auto seen = sight_.front(eye, direction);
     if (!seen) return {};
-    Sample sample{{}, true, emits(mesh_.emittance[seen->patch])};
+    Sample sample{{}, seen->patch, emits(mesh_.emittance[seen->patch])};
     const auto& s = smooth_.corners[seen->patch];
     const float u = seen->u, v = seen->v, w = 1 - u - v;
     for (std::size_t c = 0; c < 3; ++c) {
@@ -97,34 +96,39 @@ double view_exposure(const Painter& painter, const Lens& lens, ToneMap tone) {
   for (std::uint32_t y = 0; y < down; ++y) {
     for (std::uint32_t x = 0; x < across; ++x) {
       const auto s = painter.look(lens.eye(), lens.direction((x + 0.5) / across, (y + 0.5) / down));
-      if (s.lamp || !s.seen) continue;
+      if (s.lamp || s.patch == Painter::nothing) continue;
       values[y * across + x] = {brightness({s.radiosity[0], s.radiosity[1], s.radiosity[2]}), 1};
     }
   }
   return automatic_exposure(std::move(values), tone);
 }
 
-/// One pixel: the mean radiosity and the mean of what the screen shows of each sample.
-void paint_pixel(const Painter& painter, const Lens& lens, const Stratified& grid, std::uint32_t samples,
-                 std::uint32_t x, std::uint32_t y, Picture& picture) {
-  const std::uint32_t pixel = y * picture.width + x;
+/// One pixel: the mean radiosity, and the mean of what the screen shows of each sample. A pixel whose first samples all
+/// see one patch needs no more: radiosity is linear there.
+void paint_pixel(const Painter& painter, const Lens& lens, const std::vector<Vec2>& points, std::uint32_t x,
+                 std::uint32_t y, Picture& picture) {
   Rgb linear{}, display{};
-  for (std::uint32_t s = 0; s < samples; ++s) {
-    const Vec2 at = grid.sample(pixel, s);
+  bool uniform = true;
+  std::uint32_t patch = Painter::nothing, done = 0;
+  for (const Vec2 at : points) {
+    if (done == scouts && uniform) break;
     const auto sample =
         painter.look(lens.eye(), lens.direction((x + at.x) / picture.width, (y + at.y) / picture.height));
-    if (!sample.seen) continue;
+    uniform = uniform && (done == 0 || sample.patch == patch);
+    patch = sample.patch;
+    ++done;
     Rgb exposed{};
     for (std::size_t c = 0; c < 3; ++c) {
-      linear[c] += sample.radiosity[c];
-      exposed[c] = picture.exposure * sample.radiosity[c];
+      linear[c] += static_cast<double>(sample.radiosity[c]);
+      exposed[c] = picture.exposure * static_cast<double>(sample.radiosity[c]);
     }
     exposed = tone_map(exposed, picture.tone);
     for (std::size_t c = 0; c < 3; ++c) display[c] += exposed[c];
   }
+  const std::size_t first = std::size_t{3} * (std::size_t{y} * picture.width + x);
   for (std::size_t c = 0; c < 3; ++c) {
-    picture.pixels[3 * std::size_t{pixel} + c] = static_cast<float>(linear[c] / samples);
-    picture.display[3 * std::size_t{pixel} + c] = static_cast<float>(display[c] / samples);
+    picture.pixels[first + c] = static_cast<float>(linear[c] / done);
+    picture.display[first + c] = static_cast<float>(display[c] / done);
   }
 }
 
@@ -142,11 +146,11 @@ Picture render(const Solution& solution, const PictureOptions& options) {
   picture.exposure = options.exposure ? *options.exposure : view_exposure(painter, lens, options.tone);
   picture.pixels.resize(std::size_t{3} * options.width * options.height);
   picture.display.resize(picture.pixels.size());
-  const Stratified grid(options.samples);
+  const std::vector<Vec2> points = sample_points(options.samples);
 #pragma omp parallel for schedule(dynamic, 4)
   for (std::uint32_t y = 0; y < options.height; ++y) {
     for (std::uint32_t x = 0; x < options.width; ++x) {
-      paint_pixel(painter, lens, grid, options.samples, x, y, picture);
+      paint_pixel(painter, lens, points, x, y, picture);
     }
   }
   return picture;

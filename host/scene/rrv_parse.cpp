@@ -6,6 +6,7 @@
 #include <map>
 #include <numbers>
 #include <unordered_map>
+#include <utility>
 
 #include "interflect/scene/rrv_attributes.h"
 #include "interflect/scene/scene_limits.h"
@@ -250,10 +251,12 @@ class Parser {
     }
     const auto division = static_cast<int>(wanted);
     count_triangles(node, primitive_triangles(primitive, division));
-    SurfaceMesh mesh = make_primitive(primitive, division);
+    const auto [made, missing] = made_.try_emplace({primitive, division});
+    if (missing) made->second = make_primitive(primitive, division);
+    const SurfaceMesh& mesh = made->second;
     Part part;
     part.name = name(node);
-    part.positions = std::move(mesh.positions);
+    part.positions = mesh.positions;
     const std::uint32_t of = material(look(node, {}));
     for (const auto& corner : mesh.triangles) part.faces.push_back({corner, of, source_.line(node)});
     return part;
@@ -286,6 +289,7 @@ class Parser {
   std::unordered_map<std::string, std::size_t> definition_;
   std::vector<pugi::xml_node> nodes_;  // one per definition
   std::map<std::array<double, 6>, std::uint32_t> material_;
+  std::map<std::pair<Primitive, int>, SurfaceMesh> made_;
   std::uint64_t triangles_ = 0;
 };
 

@@ -108,6 +108,16 @@ struct Grouping {
 /// are left out. A comment line of our own gives the camera (fov: vertical, in degrees; up and fov may be missing):
 ///   #camera eye X Y Z target X Y Z up X Y Z fov DEGREES
 [[nodiscard]] Scene read_obj(const std::string& text, const std::filesystem::path& path);
+
+/// glTF 2.0, as JSON or GLB. The default scene (else the first, else all nodes without a parent) with its nodes'
+/// transformations; triangles, strips and fans; sparse and quantised accessors. Reflectance is baseColorFactor times
+/// baseColorTexture, whatever the metallic factor says; emittance is emissiveFactor times emissiveTexture times
+/// KHR_materials_emissive_strength; textures are sRGB, PNG or JPEG, with KHR_texture_transform, and repeat. A
+/// doubleSided material is two-sided; no material means white (glTF's default). The first perspective camera becomes
+/// Scene::camera. Surface::object is the node's name (else its mesh's), Surface::group that of its outermost ancestor.
+/// Files are read only from the folder of `path` and below. Skins, morph targets, animations, transparency, points,
+/// lines and optional extensions are left out with a warning; a required extension that is not known is an error.
+/// Messages name the element ("accessor 3"), as there are no lines.
 [[nodiscard]] Scene read_gltf(const std::string& bytes, const std::filesystem::path& path);
 
 }  // namespace interflect
