@@ -28,7 +28,7 @@ namespace {
 constexpr double closed_below = 1e-4;
 // A patch whose factors sum to less than this is buried: set aside from the closure. So is one of whose hemisphere rays
 // more than 1 − this share end on backs.
-constexpr double buried_below = 0.05;
+constexpr double buried_below = 0.1;
 // The row sums that the closure aims at; 1e-4 is promised.
 constexpr double closure_target = 2e-5, closure_promise = 1e-4;
 
@@ -212,7 +212,7 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
 
   Scaling scaling;
   if (close) {
-    scaling = scale_to_closure(out.matrix, takes_part, closure_target);
+    scaling = scale_to_closure(out.matrix, patches.area, takes_part, closure_target);
     report.closure_applied = true;
   } else if (options.closure == Closure::automatic) {
     scaling = cap_row_sums(out.matrix, report.row_sum);
@@ -232,8 +232,9 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
                                           scaling.residual, scaling.iterations));
   }
   if (scaling.moved > 0) {
-    report.warnings.push_back(fmt::format("closure moved factors of {} patches by more than {:.0f} %, at most {:.0f} %",
-                                          scaling.moved, 100 * moved_much, 100 * scaling.max_change));
+    report.warnings.push_back(
+        fmt::format("closure moved the factors of {} patches by more than {:.0f} %, one factor by {:.0f} %",
+                    scaling.moved, 100 * moved_much, 100 * scaling.max_change));
   }
   if (!report.set_aside.empty()) {
     report.warnings.push_back(fmt::format(

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "interflect/formfactor/simd.h"
 
@@ -10,63 +11,146 @@ namespace interflect {
 namespace {
 
 /// F_ij ← d_i F_ij d_j.
-void apply(FormFactorMatrix& f, const std::vector<float>& d, Scaling& report) {
+void apply(FormFactorMatrix& f, const std::vector<double>& d, Scaling& report) {
+  const std::vector<float> x(d.begin(), d.end());
   double max_change = 0;
   std::uint32_t moved = 0;
 #pragma omp parallel for schedule(static) reduction(max : max_change) reduction(+ : moved)
   for (std::uint32_t i = 0; i < f.size(); ++i) {
-    const auto [low, high] = simd::scale(f.row(i), d[i], d);
+    const auto [low, high] = simd::scale(f.row(i), x[i], x);
     if (low > high) continue;  // an empty row
-    const double mine = static_cast<double>(d[i]);
-    const double change =
-        std::max(std::abs(mine * static_cast<double>(low) - 1), std::abs(mine * static_cast<double>(high) - 1));
-    max_change = std::max(max_change, change);
-    moved += change > moved_much ? 1 : 0;
+    max_change = std::max(
+        {max_change, std::abs(d[i] * static_cast<double>(low) - 1), std::abs(d[i] * static_cast<double>(high) - 1)});
+    moved += std::abs(d[i] - 1) > moved_much ? 1 : 0;
   }
   report.max_change = max_change;
   report.moved = moved;
 }
 
-}  // namespace
+/// F x.
+std::vector<double> product(const FormFactorMatrix& f, const std::vector<float>& x) {
+  std::vector<double> y(f.size());
+#pragma omp parallel for schedule(static)
+  for (std::uint32_t i = 0; i < f.size(); ++i) y[i] = simd::dot(f.row(i), x);
+  return y;
+}
 
-Scaling scale_to_closure(FormFactorMatrix& f, const std::vector<bool>& takes_part, double tolerance,
-                         std::uint32_t most) {
-  Scaling report;
-  const std::uint32_t n = f.size();
-  std::vector<double> sum(n), d(n, 1.0);
-  std::vector<float> x(n, 1.0F);
-  for (;; ++report.iterations) {
-    double residual = 0;
-#pragma omp parallel for schedule(static) reduction(max : residual)
-    for (std::uint32_t i = 0; i < n; ++i) {
-      sum[i] = d[i] * simd::dot(f.row(i), x);  // d_i (F d)_i
-      if (takes_part[i]) residual = std::max(residual, std::abs(sum[i] - 1));
+/// The scaling problem in x = ln d: minimise ½ Σ e^{x_i + x_j} S_ij − Σ A_i x_i, which is convex.
+/// Its gradient is A_i (r_i − 1) with the row sums r = d ∘ (F d), its Hessian diag(A r) + diag(d) S diag(d).
+class Balance {
+ public:
+  Balance(const FormFactorMatrix& f, const std::vector<double>& area, const std::vector<bool>& takes_part)
+      : f_(f), area_(area), takes_part_(takes_part), d(f.size(), 1.0) {}
+
+  /// Row sums at d; counts a product.
+  void evaluate() {
+    const std::vector<float> x(d.begin(), d.end());
+    row_sum = product(f_, x);
+    residual = 0;
+    for (std::size_t i = 0; i < d.size(); ++i) {
+      row_sum[i] *= d[i];
+      if (takes_part_[i]) residual = std::max(residual, std::abs(row_sum[i] - 1));
     }
-    report.residual = residual;
-    if (residual <= tolerance || report.iterations == most) break;
-    const double omega = report.iterations % 2 == 0 ? 0.5 : 1;
-    for (std::uint32_t i = 0; i < n; ++i) {
-      if (!takes_part[i] || !(sum[i] > 0)) continue;
-      d[i] *= std::pow(sum[i], -omega);
-      x[i] = static_cast<float>(d[i]);
+    ++products;
+  }
+
+  /// d ← d r^−½.
+  void damped_step() {
+    for (std::size_t i = 0; i < d.size(); ++i) {
+      if (takes_part_[i] && row_sum[i] > 0) d[i] /= std::sqrt(row_sum[i]);
     }
   }
-  apply(f, x, report);
+
+  /// One Newton step: conjugate gradients on the Hessian, preconditioned by its diagonal part, to a tenth of what the
+  /// next row sums can resolve. No component of ln d moves by more than 1.
+  void newton_step(double target) {
+    const std::size_t n = d.size();
+    std::vector<double> step(n), r(n), z(n), p(n);
+    double start = 0, rz = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      r[i] = takes_part_[i] ? area_[i] * (1 - row_sum[i]) : 0;
+      z[i] = diagonal(i) > 0 ? r[i] / diagonal(i) : 0;
+      p[i] = z[i];
+      rz += r[i] * z[i];
+    }
+    start = rz;
+    const double enough = std::max(0.01 * residual, 0.2 * target);
+    for (int k = 0; k < 12 && rz > 0 && rz > 1e-6 * start; ++k) {
+      const std::vector<double> hp = hessian(p);
+      double php = 0;
+      for (std::size_t i = 0; i < n; ++i) php += p[i] * hp[i];
+      if (!(php > 0)) break;
+      const double alpha = rz / php, old = rz;
+      rz = 0;
+      double left = 0;
+      for (std::size_t i = 0; i < n; ++i) {
+        step[i] += alpha * p[i];
+        r[i] -= alpha * hp[i];
+        z[i] = diagonal(i) > 0 ? r[i] / diagonal(i) : 0;
+        rz += r[i] * z[i];
+        left = std::max(left, std::abs(z[i]));
+      }
+      if (left < enough) break;
+      for (std::size_t i = 0; i < n; ++i) p[i] = z[i] + rz / old * p[i];
+    }
+    for (std::size_t i = 0; i < n; ++i) d[i] *= std::exp(std::clamp(step[i], -1.0, 1.0));
+  }
+
+ private:
+  const FormFactorMatrix& f_;
+  const std::vector<double>& area_;
+  const std::vector<bool>& takes_part_;
+
+  [[nodiscard]] double diagonal(std::size_t i) const { return takes_part_[i] ? area_[i] * row_sum[i] : 0; }
+
+  std::vector<double> hessian(const std::vector<double>& p) {
+    std::vector<float> x(p.size());
+    for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<float>(takes_part_[i] ? d[i] * p[i] : 0);
+    std::vector<double> out = product(f_, x);
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      out[i] = takes_part_[i] ? diagonal(i) * p[i] + area_[i] * d[i] * out[i] : 0;
+    }
+    ++products;
+    return out;
+  }
+
+ public:
+  std::vector<double> d, row_sum;
+  double residual = 0;
+  std::uint32_t products = 0;
+};
+
+}  // namespace
+
+Scaling scale_to_closure(FormFactorMatrix& f, const std::vector<double>& area, const std::vector<bool>& takes_part,
+                         double tolerance, std::uint32_t most) {
+  Balance balance(f, area, takes_part);
+  balance.evaluate();
+  // Far from the goal the damped step is the safe one, near it Newton's is the fast one.
+  for (int k = 0; balance.residual > tolerance && balance.products < most; ++k) {
+    if (k < 2 && balance.residual > 0.2) {
+      balance.damped_step();
+    } else {
+      balance.newton_step(tolerance);
+    }
+    balance.evaluate();
+  }
+  Scaling report;
+  report.iterations = balance.products - 1;
+  report.residual = balance.residual;
+  if (report.iterations > 0) apply(f, balance.d, report);
   return report;
 }
 
 Scaling cap_row_sums(FormFactorMatrix& f, const std::vector<double>& row_sums) {
   Scaling report;
-  std::vector<float> d(f.size(), 1.0F);
-  bool any = false;
+  std::vector<double> d(f.size(), 1.0);
   for (std::uint32_t i = 0; i < f.size(); ++i) {
     if (!(row_sums[i] > 1)) continue;
-    d[i] = static_cast<float>((1 - 1e-7) / row_sums[i]);
-    any = true;
+    d[i] = (1 - 1e-7) / row_sums[i];
+    report.iterations = 1;
   }
-  if (!any) return report;
-  report.iterations = 1;
-  apply(f, d, report);
+  if (report.iterations > 0) apply(f, d, report);
   return report;
 }
 

@@ -54,6 +54,7 @@ bool PairTile::compute(std::size_t rows, std::size_t columns) {
   if (std::all_of(kind_.begin(), kind_.end(), [](PairKind k) { return k == PairKind::none; })) return false;
   slots_.assign(pairs, {});
   cut_.clear();
+  load_shapes();
   trace_pilot();
   trace_mixed();
   for (std::size_t pair = 0; pair < pairs; ++pair) {
@@ -68,6 +69,17 @@ bool PairTile::compute(std::size_t rows, std::size_t columns) {
     if (sum > 0) s_[cut.pair] *= visible / sum;
   }
   return true;
+}
+
+void PairTile::load_shapes() {
+  for (std::size_t k = 0; k < block; ++k) {
+    if (first_row_ + k < patches_.size) row_shape_[k] = whole(first_row_ + k);
+    if (first_column_ + k < patches_.size) column_shape_[k] = whole(first_column_ + k);
+  }
+}
+
+PairTile::Shape PairTile::whole(std::size_t patch) const {
+  return {Polygon(patches_.triangle(patch)), 1, patches_.front(patch)};
 }
 
 /// Leaves S unoccluded in s_, and none in kind_ where it is 0.
@@ -112,7 +124,7 @@ void PairTile::finish_kind(std::size_t pair, std::size_t i, std::size_t j) {
       ++analytic_;
       break;
     case PairKind::straddle: {
-      const Polygon a = shape(i, j, true).polygon, b = shape(j, i, true).polygon;
+      const Polygon a = part_in_front(i, j).polygon, b = part_in_front(j, i).polygon;
       s = a.size == 0 || b.size == 0 ? 0 : kernel::unoccluded(a, b);
       ++analytic_;
       break;
@@ -122,9 +134,8 @@ void PairTile::finish_kind(std::size_t pair, std::size_t i, std::size_t j) {
   if (!(s > negligible_factor * std::min(patches_.area[i], patches_.area[j]))) kind_[pair] = PairKind::none;
 }
 
-PairTile::Shape PairTile::shape(std::size_t patch, std::size_t other, bool straddling) const {
-  const auto t = patches_.triangle(patch);
-  Shape out{straddling ? kernel::clip(t, patches_.plane(other)) : Polygon(t), 1, patches_.front(patch)};
+PairTile::Shape PairTile::part_in_front(std::size_t patch, std::size_t other) const {
+  Shape out{kernel::clip(patches_.triangle(patch), patches_.plane(other)), 1, patches_.front(patch)};
   if (out.polygon.size == 4) {
     const double first = kernel::area(Polygon(out.polygon.fan(0))), second = kernel::area(Polygon(out.polygon.fan(1)));
     out.share_of_first = first + second > 0 ? first / (first + second) : 1;
@@ -143,10 +154,7 @@ std::uint32_t PairTile::pilot_rays(double factor) const {
 void PairTile::trace_pilot() {
   for (std::size_t pair = 0; pair < pairs; ++pair) {
     if (kind_[pair] == PairKind::none) continue;
-    const std::size_t i = row_patch(pair), j = column_patch(pair);
-    const bool straddling = kind_[pair] == PairKind::straddle;
-    add_rays(shape(i, j, straddling), shape(j, i, straddling), pair, pair, 0, pilot_rays(factor(pair)),
-             kind_[pair] != PairKind::far);
+    add_rays_of_pair(pair, 0, pilot_rays(factor(pair)));
   }
   flush();
 }
@@ -186,10 +194,7 @@ void PairTile::trace_mixed() {
     const auto wanted = static_cast<std::uint32_t>(std::min<double>(budget_.rays_per_factor * f, budget_.most));
     const std::uint32_t have = pilot_rays(f), all = std::max(wanted, budget_.fewest_when_mixed);
     if (all <= have) continue;
-    const std::size_t i = row_patch(pair), j = column_patch(pair);
-    const bool straddling = kind_[pair] == PairKind::straddle;
-    add_rays(shape(i, j, straddling), shape(j, i, straddling), pair, pair, have, all - have,
-             kind_[pair] != PairKind::far);
+    add_rays_of_pair(pair, have, all - have);
   }
   flush();
 }
@@ -214,7 +219,7 @@ std::vector<std::array<Vec3, 3>> quarters(const Polygon& polygon) {
 void PairTile::trace_cut(std::size_t pair, double factor) {
   const std::size_t i = row_patch(pair), j = column_patch(pair);
   const bool straddling = kind_[pair] == PairKind::straddle;
-  const Shape a = shape(i, j, straddling), b = shape(j, i, straddling);
+  const Shape a = straddling ? part_in_front(i, j) : whole(i), b = straddling ? part_in_front(j, i) : whole(j);
   CutPair cut{pair, slots_.size(), {}};
   const double all_rays = std::min<double>(budget_.rays_per_factor * factor, budget_.most);
   for (const auto& x : quarters(a.polygon)) {
@@ -229,6 +234,16 @@ void PairTile::trace_cut(std::size_t pair, double factor) {
   }
   slots_[pair] = {};  // the pieces' rays replace the pair's own
   cut_.push_back(std::move(cut));
+}
+
+void PairTile::add_rays_of_pair(std::size_t pair, std::uint32_t first, std::uint32_t count) {
+  const bool weighted = kind_[pair] != PairKind::far;
+  if (kind_[pair] == PairKind::straddle) {
+    const std::size_t i = row_patch(pair), j = column_patch(pair);
+    add_rays(part_in_front(i, j), part_in_front(j, i), pair, pair, first, count, weighted);
+  } else {
+    add_rays(row_shape_[pair / block], column_shape_[pair % block], pair, pair, first, count, weighted);
+  }
 }
 
 /// Rays number first .. first + count − 1 of a pair, or of a piece of it.
