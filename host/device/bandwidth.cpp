@@ -164,7 +164,8 @@ std::vector<Rate> measure_bandwidth(Device& device, std::uint64_t bytes, int rep
   static_cast<void>(time_read(device, *from, 8, &sums));
   double total = 0;
   for (const float sum : sums) total += sum;
-  if (total != static_cast<double>(bytes / sizeof(float))) deny(rates[0], "the sums are not those of what was put in");
+  const std::uint64_t put_in = bytes / sizeof(float);  // ones
+  if (total != static_cast<double>(put_in)) deny(rates[0], "the sums are not those of what was put in");
   rates.push_back(copy_bandwidth(device, *from, *to, repetitions, value));
   return rates;
 }
