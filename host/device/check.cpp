@@ -20,7 +20,8 @@ std::string_view name(CheckStatus status) {
 
 std::vector<KernelCheck> check_device(Device& device) {
   std::vector<KernelCheck> rows;
-  for (const auto description : {&check::check_stream, &check::check_matvec}) description(device, rows);
+  for (const auto description : {&check::check_stream, &check::check_matvec, &check::check_vectors})
+    description(device, rows);
   for (KernelCheck& row : rows) row.device = device.info().id;
   return rows;
 }

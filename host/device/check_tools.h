@@ -62,6 +62,7 @@ void compare(Finding& finding, float result, double reference, double magnitude)
 void add_case(std::vector<KernelCheck>& rows, KernelCheck row, const std::function<Finding()>& run);
 
 void check_matvec(Device& device, std::vector<KernelCheck>& rows);
-void check_stream(Device& device, std::vector<KernelCheck>& rows);  ///< read and copy
+void check_stream(Device& device, std::vector<KernelCheck>& rows);   ///< read and copy
+void check_vectors(Device& device, std::vector<KernelCheck>& rows);  ///< dot, axpby, and the steps of the solvers
 
 }  // namespace interflect::check

@@ -19,6 +19,7 @@ struct Counts {
   std::map<std::string, std::uint64_t> launches;  ///< by kernel
   std::vector<std::string> labels;                ///< every launch, in order
   std::vector<std::uint64_t> allocations_at_download;
+  std::uint32_t groups = 0;  ///< of the last launch
   bool may_share = true;
   std::function<void(DeviceInfo&)> describe;
   std::function<void(const std::string& kernel)> before_launch;  ///< may throw
@@ -65,6 +66,7 @@ class CountingDevice final : public Device {
       if (counts().before_launch) counts().before_launch(kernel.name());
       ++counts().launches[kernel.name()];
       counts().labels.emplace_back(label);
+      counts().groups = groups;
       inner().launch(kernel, groups, buffers, arguments, label);
     }
     void wait() override {

@@ -1,0 +1,205 @@
+#include "interflect/schedule/scheduler.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <cmath>
+#include <functional>
+
+#include "interflect/base/error.h"
+#include "schedule/counting_device.h"
+
+namespace interflect {
+namespace {
+
+using namespace test;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+FormFactorMatrix matrix(std::uint32_t n, std::uint64_t panel_bytes = std::uint64_t{1} << 30) {
+  FormFactorMatrix f(n, panel_bytes);
+  for (std::uint32_t i = 0; i < n; ++i) {
+    for (std::uint32_t j = 0; j < n; ++j) f.row(i)[j] = (1.0F + std::sin(static_cast<float>(3 * i + 7 * j))) / 100.0F;
+  }
+  return f;
+}
+
+Columns wave(std::uint32_t n, std::size_t columns) {
+  Columns x(columns, std::vector<float>(n));
+  for (std::size_t c = 0; c < columns; ++c) {
+    for (std::uint32_t i = 0; i < n; ++i) x[c][i] = std::cos(static_cast<float>(i + 11 * c));
+  }
+  return x;
+}
+
+void expect_error(ErrorKind kind, const std::string& part, const std::function<void()>& act) {
+  try {
+    act();
+    FAIL() << "no error with " << part;
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), kind) << error.what();
+    EXPECT_THAT(error.what(), HasSubstr(part));
+  }
+}
+
+/// y = F x in double: what apply() must come near and exact_product() must match.
+std::vector<std::vector<double>> product(const FormFactorMatrix& f, const Columns& x) {
+  std::vector<std::vector<double>> y(x.size(), std::vector<double>(f.size()));
+  for (std::size_t c = 0; c < x.size(); ++c) {
+    for (std::uint32_t i = 0; i < f.size(); ++i) {
+      for (std::uint32_t j = 0; j < f.size(); ++j) {
+        y[c][i] += static_cast<double>(f.row(i)[j]) * static_cast<double>(x[c][j]);
+      }
+    }
+  }
+  return y;
+}
+
+TEST(Scheduler, AppliesFPanelByPanel) {
+  for (const std::uint32_t n : {1U, 16U, 17U, 100U, 257U}) {
+    const Columns x = wave(n, 3);
+    for (const std::uint64_t panel_bytes : {1ULL, 5000ULL, 1ULL << 30}) {
+      if (panel_bytes == 1 && n > 100) continue;  // each panel maps 2 MiB
+      for (const bool share : {true, false}) {
+        const FormFactorMatrix f = matrix(n, panel_bytes);
+        const auto counts = std::make_shared<Counts>();
+        counts->may_share = share;
+        Scheduler scheduler(f, counting(counts), 3);
+        EXPECT_EQ(scheduler.uploaded_bytes(), share ? 0 : f.bytes());
+        Vector in = scheduler.vector(), out = scheduler.vector();
+        scheduler.upload(in, x);
+        scheduler.apply(in, out);
+        Columns y;
+        scheduler.download(out, y);
+        const auto exact = product(f, x);
+        for (std::size_t c = 0; c < 3; ++c) {
+          for (std::uint32_t i = 0; i < n; ++i) ASSERT_NEAR(static_cast<double>(y[c][i]), exact[c][i], 1e-5);
+        }
+        EXPECT_EQ(counts->launches["matvec"], f.panels().size());
+        EXPECT_EQ(scheduler.products(), 1U);
+      }
+    }
+  }
+}
+
+TEST(Scheduler, ExactProductIsInDoubleAndIndependentOfThreads) {
+  for (const std::uint32_t n : {1U, 7U, 16U, 33U, 300U}) {
+    const FormFactorMatrix f = matrix(n, 10'000);
+    for (const std::size_t columns : {1U, 2U, 3U, 4U, 7U}) {
+      const Columns x = wave(n, columns);
+      Scheduler scheduler(f, openmp(), static_cast<std::uint32_t>(columns));
+      std::vector<std::vector<double>> y, again;
+      scheduler.exact_product(x, y);
+      const auto exact = product(f, x);
+      ASSERT_EQ(y.size(), columns);
+      for (std::size_t c = 0; c < columns; ++c) {
+        for (std::uint32_t i = 0; i < n; ++i) ASSERT_NEAR(y[c][i], exact[c][i], 1e-14) << "n " << n;
+      }
+      const int before = ::omp_get_max_threads();
+      ::omp_set_num_threads(3);
+      scheduler.exact_product(x, again);
+      ::omp_set_num_threads(before);
+      EXPECT_EQ(y, again);
+      EXPECT_EQ(scheduler.products(), 2U);
+    }
+  }
+}
+
+TEST(Scheduler, VectorsComeBackAsTheyWent) {
+  const FormFactorMatrix f = matrix(37);
+  Scheduler scheduler(f, openmp(), 2);
+  EXPECT_EQ(scheduler.stride(), 48U);
+  EXPECT_EQ(scheduler.blocks(), 1U);
+  Vector v = scheduler.vector();
+  Columns back;
+  scheduler.download(v, back);
+  EXPECT_EQ(back, Columns(2, std::vector<float>(37)));  // zeroed
+  const Columns x = wave(37, 2);
+  scheduler.upload(v, x);
+  scheduler.download(v, back);
+  EXPECT_EQ(back, x);
+}
+
+TEST(Scheduler, DotReduceAndAxpbyByScalarsThatStayOnTheDevice) {
+  const std::uint32_t n = 2500;
+  const FormFactorMatrix f(n, 1 << 20);
+  Scheduler scheduler(f, openmp(), 2);
+  const Columns x = wave(n, 2);
+  Vector a = scheduler.vector(), b = scheduler.vector(), sums = scheduler.sums();
+  scheduler.upload(a, x);
+  scheduler.upload(b, Columns(2, std::vector<float>(n, 1.0F)));
+  scheduler.run(scheduler.kernel("dot"), {&a, &a, &sums}, "x x", 3);
+  scheduler.run(scheduler.kernel("reduce"), {&sums}, "sum", 3, slot::axpby_a);
+  scheduler.run(scheduler.kernel("axpby"), {&a, &b, &sums}, "b = (x, x) x + 0 b");
+  Columns y;
+  scheduler.download(b, y);
+  for (std::size_t c = 0; c < 2; ++c) {
+    double xx = 0;
+    for (const float v : x[c]) xx += static_cast<double>(v) * static_cast<double>(v);
+    for (std::uint32_t i = 0; i < n; ++i) {
+      ASSERT_NEAR(static_cast<double>(y[c][i]), xx * static_cast<double>(x[c][i]), 1e-5 * xx);
+    }
+  }
+}
+
+TEST(Scheduler, RefusesWhatItCannotPlaceBeforeItAllocates) {
+  const FormFactorMatrix f = matrix(200, 20'000);
+  const auto counts = std::make_shared<Counts>();
+  counts->may_share = false;
+  counts->describe = [](DeviceInfo& info) { info.memory_bytes = 100'000; };
+  expect_error(ErrorKind::limit, "openmp: ", [&] { Scheduler(f, counting(counts), 3); });
+  counts->describe = [](DeviceInfo& info) { info.max_buffer_bytes = 10'000; };
+  expect_error(ErrorKind::limit, "INTERFLECT_MAX_PANEL_BYTES", [&] { Scheduler(f, counting(counts), 3); });
+  EXPECT_EQ(counts->allocations, 0U);
+  EXPECT_EQ(counts->uploads, 0U);
+  counts->describe = [](DeviceInfo& info) { info.memory_bytes = info.max_buffer_bytes = 0; };  // unknown
+  EXPECT_NO_THROW(Scheduler(f, counting(counts), 3));
+  const auto sharing = std::make_shared<Counts>();
+  sharing->describe = [](DeviceInfo& info) { info.max_buffer_bytes = 10'000; };
+  EXPECT_NO_THROW(Scheduler(f, counting(sharing), 3));  // in place: nothing is allocated for F
+}
+
+TEST(Scheduler, RefusesOtherThanOneDeviceAndEmptySystems) {
+  const FormFactorMatrix f = matrix(5);
+  expect_error(ErrorKind::usage, "0 devices", [&] { Scheduler(f, {}, 3); });
+  auto two = openmp();
+  two.push_back(open_device("openmp"));
+  expect_error(ErrorKind::usage, "2 devices", [&] { Scheduler(f, std::move(two), 3); });
+  expect_error(ErrorKind::usage, "no columns", [&] { Scheduler(f, openmp(), 0); });
+  const FormFactorMatrix none;
+  expect_error(ErrorKind::usage, "no patches", [&] { Scheduler(none, openmp(), 3); });
+  EXPECT_THAT(Scheduler(f, openmp(), 3).device_ids(), ElementsAre("openmp"));
+}
+
+TEST(Scheduler, RefusesColumnsOfAnotherShape) {
+  const FormFactorMatrix f = matrix(5);
+  Scheduler scheduler(f, openmp(), 2);
+  Vector v = scheduler.vector();
+  std::vector<std::vector<double>> y;
+  expect_error(ErrorKind::internal, "number of columns", [&] { scheduler.upload(v, wave(5, 3)); });
+  expect_error(ErrorKind::internal, "length", [&] { scheduler.upload(v, wave(4, 2)); });
+  expect_error(ErrorKind::internal, "number of columns", [&] { scheduler.exact_product(wave(5, 1), y); });
+  expect_error(ErrorKind::internal, "length", [&] { scheduler.exact_product(wave(6, 2), y); });
+  expect_error(ErrorKind::device, "unknown kernel", [&] { static_cast<void>(scheduler.kernel("nonsense")); });
+}
+
+TEST(Scheduler, LaunchesManyGroupsOnAGpuAndFewOnAProcessor) {
+  const FormFactorMatrix f(5000, 1 << 20);
+  for (const DeviceType type : {DeviceType::cpu, DeviceType::gpu}) {
+    const auto counts = std::make_shared<Counts>();
+    counts->describe = [&](DeviceInfo& info) { info.type = type; };
+    Scheduler scheduler(f, counting(counts), 3);
+    Vector a = scheduler.vector(), sums = scheduler.sums();
+    scheduler.upload(a, wave(5000, 3));
+    scheduler.run(scheduler.kernel("dot"), {&a, &a, &sums}, "x x", 0);
+    std::vector<float> head(sums_size(3, scheduler.blocks()));
+    scheduler.download(sums, head);
+    static std::vector<float> first = head;
+    EXPECT_EQ(head, first);  // the same bits in any shape
+    EXPECT_EQ(counts->groups, type == DeviceType::gpu ? 15U : 1U);
+  }
+}
+
+}  // namespace
+}  // namespace interflect
