@@ -12,7 +12,7 @@ packages=(
   # tests, benchmarks, sanitizers and fuzzers
   libgtest-dev libgmock-dev libbenchmark-dev
   clang-14 clang-format-14 clang-tidy-14 libomp-14-dev libclang-rt-14-dev llvm-14
-  python3-minimal
+  python3
   # programs that no one here wrote, with which tests open what we write
   assimp-utils openexr
 )

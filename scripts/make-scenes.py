@@ -10,14 +10,17 @@ import sys
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from scenes import plain  # noqa: E402
+from scenes import plain, rooms  # noqa: E402
 
 
 def main():
-    folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "scenes")
+    here = os.path.dirname(os.path.abspath(__file__))
+    folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(here, "..", "scenes")
+    os.makedirs(folder, exist_ok=True)
     for make in (plain.two_plates, plain.furnace, plain.cornell_box):
-        mesh = make(folder)
-        print("%-12s %6d triangles" % (make.__name__, sum(len(f) for f in mesh.faces.values())))
+        make(folder)
+    for count in rooms.ROOMS:
+        rooms.make(folder, count)
 
 
 if __name__ == "__main__":

@@ -44,6 +44,7 @@ std::uint64_t cgroup_available() {
 std::uint64_t parse_size(const std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
+  const bool has_number = end != text.c_str();
   double unit = 1;
   switch (*end) {
     case 'K':
@@ -63,7 +64,7 @@ std::uint64_t parse_size(const std::string& text) {
       break;
     default: break;
   }
-  if (end == text.c_str() || *end != '\0' || !(value >= 0) || value * unit >= 1e19) {
+  if (!has_number || *end != '\0' || !(value >= 0) || value * unit >= 1e19) {
     throw Error(ErrorKind::usage, fmt::format("INTERFLECT_MEMORY: '{}' is not a size such as 4G", text));
   }
   return static_cast<std::uint64_t>(value * unit);

@@ -7,14 +7,59 @@
 
 namespace interflect {
 
-/// matvec: y[c * vector_stride + first + r] = Σ_j f[r * row_stride + j] * x[c * vector_stride + j],  0 <= r < rows, j <
-/// n Buffers: f (one panel), x, y. Macro COLUMNS: how many c.
+/// matvec: y[c * vector_stride + first + r] = Σ_j f[r * row_stride + j] * x[c * vector_stride + j] for r < rows, j < n.
+/// Buffers: f (one panel), x, y. Macro COLUMNS: how many c.
 struct MatvecArguments {
   std::uint32_t n = 0;              ///< columns of F
   std::uint32_t first = 0;          ///< the panel's first row
   std::uint32_t rows = 0;           ///< rows in the panel
   std::uint32_t row_stride = 0;     ///< elements from one row of F to the next, a multiple of 16
   std::uint32_t vector_stride = 0;  ///< elements from one column of x or y to the next, a multiple of 16
+};
+
+/// The vector kernels (dot, axpby, bounce, cg_*, bicgstab_*): work item k = column * blocks + block handles elements
+/// [block * reduction_block, ...) of its column; work-group g does items [g * blocks_per_group, ...).
+struct VectorArguments {
+  std::uint32_t n = 0;                 ///< elements in a column
+  std::uint32_t vector_stride = 0;     ///< elements from one column to the next, a multiple of 16
+  std::uint32_t columns = 0;           ///< how many columns
+  std::uint32_t blocks = 0;            ///< ceil(n / reduction_block)
+  std::uint32_t blocks_per_group = 0;  ///< the launch's shape; no result depends on it
+  std::uint32_t option = 0;            ///< bounce: 1 adds the bounce to x. dot, reduce: the set of sums
+  std::uint32_t slot = 0;              ///< reduce: the slot that takes the sum
+};
+
+/// Elements that one partial sum covers.
+inline constexpr std::uint32_t reduction_block = 1024;
+
+/// The sums buffer: float[scalar_slots][columns], then float[sum_sets][columns][blocks], the partial sums.
+inline constexpr std::uint32_t scalar_slots = 8;
+inline constexpr std::uint32_t sum_sets = 6;
+
+/// Elements of a sums buffer.
+[[nodiscard]] constexpr std::uint64_t sums_size(std::uint64_t columns, std::uint64_t blocks) {
+  return columns * (scalar_slots + sum_sets * blocks);
+}
+
+/// Scalars per column that live on the device. The kernels' contract says who reads and who writes which.
+namespace slot {
+inline constexpr std::uint32_t target = 0;  ///< a column whose (r, r) is not above it is left as it is
+inline constexpr std::uint32_t alpha = 1;
+inline constexpr std::uint32_t cg_gamma_old = 2, cg_gamma = 3, cg_beta = 4, cg_shift = 5;
+inline constexpr std::uint32_t bicgstab_rho = 2, bicgstab_rho_used = 3, bicgstab_shadow = 4, bicgstab_restarts = 5;
+inline constexpr std::uint32_t axpby_a = 6, axpby_b = 7;
+}  // namespace slot
+
+/// Sets of partial sums.
+namespace sum {
+inline constexpr std::uint32_t rr = 0;                                  ///< (r, r)
+inline constexpr std::uint32_t gamma = 1, delta = 2;                    ///< CG: (d r, r), (d r, w)
+inline constexpr std::uint32_t xw = 1, ww = 2, zx = 3, zw = 4, xx = 5;  ///< BiCGSTAB's product
+}  // namespace sum
+
+/// read and copy, which measure a device's bandwidth: over `lines` cache lines of 16 floats each.
+struct StreamArguments {
+  std::uint32_t lines = 0;
 };
 
 }  // namespace interflect

@@ -192,19 +192,21 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
   fill(out.matrix, patches, visibility, options.seed, report, sink);
 
   const HemisphereShares shares = look_around(patches, visibility, shape.two_sided, options.seed);
-  report.escape_fraction = HemisphereShares::mean(patches, shares.escape);
-  report.back_fraction = HemisphereShares::mean(patches, shares.back);
-  report.closed_scene = report.escape_fraction < closed_below;
   report.row_sum = out.matrix.row_sums();
+  std::vector<bool> takes_part(mesh.size());
+  for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+    takes_part[i] = report.row_sum[i] >= buried_below && static_cast<double>(shares.back[i]) <= 1 - buried_below;
+  }
+  // What sees nothing cannot open a scene: a cupboard's back that coincides with the wall looks out through it.
+  report.escape_fraction = HemisphereShares::mean(patches, shares.escape, takes_part);
+  report.back_fraction = HemisphereShares::mean(patches, shares.back, takes_part);
+  report.closed_scene =
+      std::count(takes_part.begin(), takes_part.end(), true) > 0 && report.escape_fraction < closed_below;
 
   const bool close = options.closure == Closure::on || (options.closure == Closure::automatic && report.closed_scene);
-  std::vector<bool> takes_part(mesh.size(), true);
-  if (close) {
-    for (std::uint32_t i = 0; i < mesh.size(); ++i) {
-      if (report.row_sum[i] >= buried_below && static_cast<double>(shares.back[i]) <= 1 - buried_below) continue;
-      takes_part[i] = false;
-      report.set_aside.push_back(i);
-    }
+  for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+    if (!close) takes_part[i] = true;
+    if (!takes_part[i]) report.set_aside.push_back(i);
   }
   report.before = summary(report.row_sum, takes_part);
 

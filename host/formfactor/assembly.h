@@ -29,8 +29,9 @@ struct RowSums {
 
 /// What the assembly did and how good it is.
 struct AssemblyReport {
-  bool closed_scene = false;   ///< no sampled ray from any patch left the scene
-  double escape_fraction = 0;  ///< share of cosine-distributed rays that left the scene, area-weighted
+  bool closed_scene = false;   ///< escape_fraction is below 1e-4 (single rays slip through cracks of rounding)
+  double escape_fraction = 0;  ///< share of cosine-distributed rays that left the scene, area-weighted over the patches
+                               ///< that are not buried (a cupboard's back in the plane of the wall opens no room)
   double back_fraction = 0;    ///< share of them that ended on the back of a surface, area-weighted
   bool closure_applied = false;
   std::uint32_t closure_iterations = 0;

@@ -35,9 +35,11 @@ std::uint32_t hemisphere_rays(std::size_t patches) {
       std::clamp<std::size_t>((std::size_t{1} << 17) / std::max<std::size_t>(patches, 1), 32, 1024));
 }
 
-double HemisphereShares::mean(const PatchTable& patches, const std::vector<float>& share) {
+double HemisphereShares::mean(const PatchTable& patches, const std::vector<float>& share,
+                              const std::vector<bool>& counts) {
   double sum = 0, area = 0;
   for (std::size_t i = 0; i < patches.size; ++i) {
+    if (!counts[i]) continue;
     sum += patches.area[i] * static_cast<double>(share[i]);
     area += patches.area[i];
   }

@@ -14,8 +14,9 @@ struct HemisphereShares {
   std::vector<float> escape;  ///< that leave the scene
   std::vector<float> back;    ///< that end on the back of a surface
 
-  /// Σ A_i share_i / Σ A_i.
-  [[nodiscard]] static double mean(const PatchTable& patches, const std::vector<float>& share);
+  /// Σ A_i share_i / Σ A_i over the patches that count.
+  [[nodiscard]] static double mean(const PatchTable& patches, const std::vector<float>& share,
+                                   const std::vector<bool>& counts);
 };
 
 /// Traces rays_for(patches.size) rays from each patch, stratified over the patch and the hemisphere.

@@ -33,18 +33,23 @@ double turn(Vec2 a, Vec2 b, Vec2 c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
+/// Whether the way a b c turns left by more than rounding.
+bool turns_left(Vec2 a, Vec2 b, Vec2 c) {
+  return turn(a, b, c) > 1e-11 * std::hypot(b.x - a.x, b.y - a.y) * std::hypot(c.x - b.x, c.y - b.y);
+}
+
 class EarClipper {
  public:
   explicit EarClipper(std::vector<Vec2> points) : points_(std::move(points)), ring_(points_.size()) {
     double extent = 0;
     for (const Vec2 p : points_) extent = std::max({extent, std::abs(p.x), std::abs(p.y)});
-    flat_ = 1e-12 * extent * extent;
+    rounding_ = 1e-15 * extent * extent;
     for (std::uint32_t i = 0; i < points_.size(); ++i) ring_[i] = i;
   }
 
   [[nodiscard]] bool fan() const {
     for (std::size_t i = 1; i + 1 < points_.size(); ++i) {
-      if (turn(points_[0], points_[i], points_[i + 1]) <= flat_) return false;
+      if (!turns_left(points_[0], points_[i], points_[i + 1])) return false;
       if (turn(points_[0], points_[1], points_[i + 1]) < 0) return false;  // beyond half a turn
     }
     return true;
@@ -63,7 +68,7 @@ class EarClipper {
   std::vector<Vec2> points_;
   std::vector<std::uint32_t> ring_;  ///< the corners that are left
   std::vector<char> ear_;            ///< whether each of them can be cut off
-  double flat_ = 0;
+  double rounding_ = 0;              ///< of turn()
   Care care_ = Care::strict;
 };
 
@@ -71,8 +76,8 @@ bool EarClipper::is_ear(std::size_t position) const {
   if (care_ == Care::none) return true;
   const std::size_t n = ring_.size();
   const Vec2 a = at(position + n - 1), b = at(position), c = at(position + 1);
-  if (turn(a, b, c) <= flat_) return false;
-  const double inside = care_ == Care::strict ? -flat_ : flat_;
+  if (!turns_left(a, b, c)) return false;
+  const double inside = care_ == Care::strict ? -rounding_ : rounding_;
   for (std::size_t k = 2; k + 1 < n; ++k) {
     const Vec2 p = at(position + k);
     if (p == a || p == b || p == c) continue;

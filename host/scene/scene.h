@@ -89,6 +89,18 @@ struct Grouping {
 
 /// The readers behind read_scene(), on a text or bytes in memory. `path` names the source in messages and is where
 /// relative references (MTL, textures, buffers) are looked for.
+///
+/// rrv's XML: scene > head > objectdef with triangleset (triangle, trianglenext), cuboid, barrel, globe, teapot, and
+/// scene > body with translate, rotate, scale and object. As in rrv: missing dx, dy, dz and angle are 0 (also in
+/// scale); <rotate> is in degrees and left-handed about y (see the source); colours are three numbers with commas,
+/// black where missing, inherited from a triangleset by its triangles and from a triangle by the trianglenext after it;
+/// emission is the emittance, reflectivity the reflectance; radiosity (an earlier result), spec, refl and refr are not
+/// used; shear does nothing. Beyond rrv: an objectdef may hold objects and transformations, the body may hold shapes;
+/// the shapes have an attribute `division` (see Primitive); <camera eye="x,y,z" target="x,y,z" up="x,y,z"
+/// fov="degrees"/> as a child of <scene> becomes Scene::camera (up 0,1,0 and fov, vertical, as in Camera where
+/// missing). Surface::object is the path of object names from the body ("table/leg"), Surface::group the `name` of the
+/// shape or triangleset. An objectdef in another `file` is an error; elements that are not known are left out with a
+/// warning.
 [[nodiscard]] Scene read_rrv_xml(const std::string& text, const std::filesystem::path& path);
 /// OBJ: `o` gives the object, `g` (all its names) the group, Kd the reflectance, Ke the emittance, map_Kd and map_Ke
 /// PNG textures, relative to the MTL file. Faces may be concave, indices negative or ahead of their vertex. A material
@@ -96,6 +108,16 @@ struct Grouping {
 /// are left out. A comment line of our own gives the camera (fov: vertical, in degrees; up and fov may be missing):
 ///   #camera eye X Y Z target X Y Z up X Y Z fov DEGREES
 [[nodiscard]] Scene read_obj(const std::string& text, const std::filesystem::path& path);
+
+/// glTF 2.0, as JSON or GLB. The default scene (else the first, else all nodes without a parent) with its nodes'
+/// transformations; triangles, strips and fans; sparse and quantised accessors. Reflectance is baseColorFactor times
+/// baseColorTexture, whatever the metallic factor says; emittance is emissiveFactor times emissiveTexture times
+/// KHR_materials_emissive_strength; textures are sRGB, PNG or JPEG, with KHR_texture_transform, and repeat. A
+/// doubleSided material is two-sided; no material means white (glTF's default). The first perspective camera becomes
+/// Scene::camera. Surface::object is the node's name (else its mesh's), Surface::group that of its outermost ancestor.
+/// Files are read only from the folder of `path` and below. Skins, morph targets, animations, transparency, points,
+/// lines and optional extensions are left out with a warning; a required extension that is not known is an error.
+/// Messages name the element ("accessor 3"), as there are no lines.
 [[nodiscard]] Scene read_gltf(const std::string& bytes, const std::filesystem::path& path);
 
 }  // namespace interflect

@@ -21,6 +21,11 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(blanks) + 1 - first);
 }
 
+/// from_chars knows no plus sign. "+-1" stays as it is and is refused.
+std::string_view without_plus(std::string_view number) {
+  return number.starts_with('+') && !number.starts_with("+-") ? number.substr(1) : number;
+}
+
 }  // namespace
 
 Statements::Statements(std::string_view text, std::string file) : text_(text), file_(std::move(file)) {
@@ -82,7 +87,7 @@ std::string_view Statements::word() {
 double Statements::number() {
   const std::string_view text = word();
   if (text.empty()) fail(fmt::format("'{}' needs more numbers", one_line(keyword_)));
-  const std::string_view unsigned_text = text.starts_with('+') ? text.substr(1) : text;
+  const std::string_view unsigned_text = without_plus(text);
   double value = 0;
   const auto [end, error] = std::from_chars(unsigned_text.data(), unsigned_text.data() + unsigned_text.size(), value);
   // Too small for a double is 0; too large is not a number that we can work with.
@@ -104,7 +109,7 @@ std::optional<double> Statements::optional_number() {
 
 std::int64_t Statements::integer(std::string_view digits) const {
   std::int64_t value = 0;
-  const std::string_view text = digits.starts_with('+') ? digits.substr(1) : digits;
+  const std::string_view text = without_plus(digits);
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size()) {
     fail(fmt::format("'{}' is not a whole number in range", one_line(digits)));

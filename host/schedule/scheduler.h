@@ -1,11 +1,116 @@
 #pragma once
 
+#include <cstdint>
+#include <initializer_list>
 #include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
 
+#include "interflect/device/device.h"
+#include "interflect/device/kernel_arguments.h"
 #include "interflect/formfactor/form_factor_matrix.h"
 
 namespace interflect {
 
-class Scheduler;
+/// Columns of N values, one column per channel (and light group), each contiguous.
+using Columns = std::vector<std::vector<float>>;
+
+/// C columns of n floats on the devices (stride padded to a multiple of 16), or a sums buffer. Made by a Scheduler, and
+/// gone with it: a Vector must not outlive its Scheduler.
+class Vector {
+ public:
+  Vector(Vector&&) = default;
+  Vector& operator=(Vector&&) = default;
+
+ private:
+  friend class Scheduler;
+  explicit Vector(std::unique_ptr<Buffer> buffer) : buffer_(std::move(buffer)) {}
+  std::unique_ptr<Buffer> buffer_;
+};
+
+/// A vector kernel of kernels/, compiled for the devices. Must not outlive its Scheduler.
+class VectorKernel {
+ public:
+  VectorKernel(VectorKernel&&) = default;
+  VectorKernel& operator=(VectorKernel&&) = default;
+
+ private:
+  friend class Scheduler;
+  explicit VectorKernel(std::unique_ptr<Kernel> kernel) : kernel_(std::move(kernel)) {}
+  std::unique_ptr<Kernel> kernel_;
+};
+
+/// Places the panels of F on devices, applies F across them, and owns their queues: what a solver knows of an operator
+/// and of vectors. Work is enqueued and runs in order; only download() and wait() wait for it.
+class Scheduler {
+ public:
+  /// Places every panel: in place where the device shares host memory, else allocated and uploaded. F must outlive the
+  /// Scheduler and stay unchanged. `columns` is the C of every vector.
+  /// Throws a usage Error for no patches, no columns, or other than one device; a limit Error, before anything is
+  /// allocated, when panels and vectors exceed the device's memory or a panel exceeds its largest buffer; device
+  /// Errors.
+  Scheduler(const FormFactorMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);
+  Scheduler(const Scheduler&) = delete;
+  Scheduler& operator=(const Scheduler&) = delete;
+  ~Scheduler();
+
+  [[nodiscard]] std::uint32_t size() const { return form_factors_.size(); }        ///< N, patches
+  [[nodiscard]] std::uint32_t columns() const { return arguments_.columns; }       ///< C
+  [[nodiscard]] std::uint32_t stride() const { return arguments_.vector_stride; }  ///< of a Vector's columns, in floats
+  [[nodiscard]] std::uint32_t blocks() const { return arguments_.blocks; }         ///< partial sums per column
+  [[nodiscard]] std::vector<std::string> device_ids() const;
+  /// Bytes of F that were copied to devices (0 where they use the host's memory in place).
+  [[nodiscard]] std::uint64_t uploaded_bytes() const { return uploaded_bytes_; }
+  /// Applications of F so far: apply() and exact_product() each count one.
+  [[nodiscard]] std::uint64_t products() const { return products_; }
+
+  /// A zeroed vector of C columns.
+  [[nodiscard]] Vector vector();
+  /// A zeroed sums buffer: the scalar slots and partial sums of kernel_arguments.h.
+  [[nodiscard]] Vector sums();
+  /// The vector kernel `name` of kernels/README.md. Throws a device Error for an unknown one.
+  [[nodiscard]] VectorKernel kernel(std::string_view name);
+
+  /// Host columns (C of N values) to a vector. Throws an internal Error for another shape.
+  void upload(Vector& to, const Columns& from);
+  /// Floats to the head of a buffer, such as the scalar slots of a sums buffer.
+  void upload(Vector& to, std::span<const float> from);
+  /// A vector to host columns, resized to C of N values. Waits.
+  void download(const Vector& from, Columns& to);
+  /// The head of a buffer. Waits: the one synchronisation that an iteration needs.
+  void download(const Vector& from, std::span<float> to);
+
+  /// y = F x, panel by panel. x and y are different vectors.
+  void apply(Vector& x, Vector& y);
+  /// Enqueues a vector kernel over its buffers in the contract's order. `option` and `slot` as in VectorArguments.
+  void run(const VectorKernel& kernel, std::initializer_list<Vector*> buffers, std::string_view label,
+           std::uint32_t option = 0, std::uint32_t slot = 0);
+  /// Returns when everything enqueued is done.
+  void wait();
+
+  /// y = F x with every product and sum in double, on the host, from F as it is stored: shapes C x N. Independent of
+  /// the devices, it is what a result is checked against. The same bits for every number of threads.
+  void exact_product(const Columns& x, std::vector<std::vector<double>>& y);
+
+ private:
+  struct PlacedPanel {
+    std::uint32_t first = 0, rows = 0;
+    std::unique_ptr<Buffer> buffer;
+  };
+  void place_panels();
+
+  const FormFactorMatrix& form_factors_;
+  std::vector<std::unique_ptr<Device>> devices_;
+  Device* device_ = nullptr;
+  VectorArguments arguments_;
+  std::uint32_t groups_ = 0;
+  std::unique_ptr<Kernel> matvec_;
+  std::vector<PlacedPanel> panels_;
+  std::vector<float> staging_;
+  std::uint64_t uploaded_bytes_ = 0;
+  std::uint64_t products_ = 0;
+};
 
 }  // namespace interflect

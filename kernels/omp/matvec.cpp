@@ -1,15 +1,14 @@
 // y = F x for one panel and all columns. Contract, order of sums and error bound: kernels/README.md.
 //
 // Memory traffic of a launch: F once, 4 * rows * n bytes, whatever the number of columns; y once, 4 * rows * columns
-// bytes; x once from memory (4 * n * columns bytes), then from L2 for each strip of rows: three fourths of a vector of x
-// per vector of F at 4 rows, three eighths at 8. At 17,128 patches and 3 columns F is 1.17 GB, x and y are 0.2 MB each.
+// bytes; x once from memory (4 * n * columns bytes), then from L2 for each strip of rows: three fourths of a vector of
+// x per vector of F at 4 rows, three eighths at 8. At 17,128 patches and 3 columns F is 1.17 GB, x and y are 0.2 MB
+// each.
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "omp/matvec.cpp"  // once per instruction set
 #include <hwy/foreach_target.h>
-
 #include <hwy/highway.h>
-// after Highway
 
 #include <algorithm>
 #include <cstddef>
@@ -37,8 +36,8 @@ constexpr std::size_t strip = lanes == 16 ? 8 : 4;
 // additions is 64 (AVX-512) to 256 (SSE4, scalar).
 constexpr std::size_t block = lanes == 1 ? 256 : 1024;
 
-/// Keeps the vector in a register. Without it GCC folds a load of x or F into each of the fused multiply-adds that use it
-/// and reads it from the cache once per row or column instead of once.
+/// Keeps the vector in a register. Without it GCC folds a load of x or F into each of the fused multiply-adds that use
+/// it and reads it from the cache once per row or column instead of once.
 HWY_INLINE void keep([[maybe_unused]] Vector& v) {
 #if HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128
   asm("" : "+v"(v.raw));

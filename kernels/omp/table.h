@@ -74,6 +74,18 @@ struct TableLine {
 /// Every kernel of this backend.
 [[nodiscard]] std::span<const TableLine> kernel_table();
 
+void copy(const Launch& launch);
 void matvec(const Launch& launch);
+void read(const Launch& launch);
+
+void dot(const Launch& launch);
+void reduce(const Launch& launch);
+void axpby(const Launch& launch);
+void bounce(const Launch& launch);
+void cg_product(const Launch& launch);
+void cg_step(const Launch& launch);
+void bicgstab_product(const Launch& launch);
+void bicgstab_half(const Launch& launch);
+void bicgstab_step(const Launch& launch);
 
 }  // namespace interflect::omp

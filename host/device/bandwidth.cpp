@@ -1,0 +1,172 @@
+#include "interflect/device/bandwidth.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <span>
+
+#include "interflect/base/error.h"
+#include "interflect/base/timer.h"
+#include "interflect/device/kernel_arguments.h"
+
+namespace interflect {
+
+namespace {
+
+constexpr std::uint64_t line_bytes = 64;
+constexpr std::uint32_t lines_per_group = 65536;  // 4 MiB: a sum of ones is exact in fp32
+
+std::uint32_t lines_in(const Buffer& buffer) {
+  const std::uint64_t lines = buffer.size() / line_bytes;
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(lines, std::numeric_limits<std::uint32_t>::max()));
+}
+
+std::span<const std::byte> bytes_of(const StreamArguments& arguments) {
+  return std::as_bytes(std::span(&arguments, 1));
+}
+
+/// The `read` kernel over one buffer, ready to run.
+class Reader {
+ public:
+  Reader(Device& device, Buffer& data, int streams)
+      : device_(device),
+        data_(data),
+        arguments_{lines_in(data)},
+        groups_(std::max(1U, (arguments_.lines + lines_per_group - 1) / lines_per_group)),
+        kernel_(device.kernel("read", {{"STREAMS", streams}})),
+        sums_(device.allocate(groups_ * sizeof(float))) {}
+
+  [[nodiscard]] double seconds() {
+    Buffer* const buffers[] = {&data_, sums_.get()};
+    const Timer timer;
+    device_.queue().launch(*kernel_, groups_, buffers, bytes_of(arguments_), "Measure reading");
+    device_.queue().wait();
+    return timer.seconds();
+  }
+
+  [[nodiscard]] std::vector<float> sums() {
+    std::vector<float> values(groups_);
+    device_.queue().download(*sums_, 0, std::as_writable_bytes(std::span(values)));
+    return values;
+  }
+
+ private:
+  Device& device_;
+  Buffer& data_;
+  StreamArguments arguments_;
+  std::uint32_t groups_;
+  std::unique_ptr<Kernel> kernel_;
+  std::unique_ptr<Buffer> sums_;
+};
+
+Rate rate_of(std::string what, std::uint64_t bytes, std::vector<double> seconds) {
+  std::sort(seconds.begin(), seconds.end());
+  return {.what = std::move(what),
+          .bytes = bytes,
+          .seconds = seconds[seconds.size() / 2],
+          .seconds_min = seconds.front(),
+          .seconds_max = seconds.back(),
+          .verified = true,
+          .reason = ""};
+}
+
+void deny(Rate& rate, std::string reason) {
+  rate.verified = false;
+  rate.reason = std::move(reason);
+}
+
+void fill(Device& device, Buffer& buffer, float value) {
+  const std::vector<float> chunk((std::size_t{16} << 20) / sizeof(float), value);
+  const std::span<const std::byte> all = std::as_bytes(std::span(chunk));
+  for (std::size_t done = 0; done < buffer.size(); done += all.size()) {
+    device.queue().upload(buffer, done, all.first(std::min(all.size(), buffer.size() - done)));
+  }
+}
+
+/// Whether every element of the buffer is `value`.
+bool filled_with(Device& device, const Buffer& buffer, float value) {
+  std::vector<float> chunk((std::size_t{16} << 20) / sizeof(float));
+  const std::span<std::byte> all = std::as_writable_bytes(std::span(chunk));
+  for (std::size_t done = 0; done < buffer.size(); done += all.size()) {
+    const std::size_t bytes = std::min(all.size(), buffer.size() - done);
+    device.queue().download(buffer, done, all.first(bytes));
+    const auto end = chunk.begin() + static_cast<std::ptrdiff_t>(bytes / sizeof(float));
+    if (std::any_of(chunk.begin(), end, [&](float x) { return x != value; })) return false;
+  }
+  return true;
+}
+
+Rate copy_bandwidth(Device& device, Buffer& from, Buffer& to, int repetitions, float value) {
+  const StreamArguments arguments{lines_in(from)};
+  const std::unique_ptr<Kernel> kernel = device.kernel("copy", {});
+  Buffer* const buffers[] = {&from, &to};
+  const std::uint32_t groups = std::max(1U, (arguments.lines + lines_per_group - 1) / lines_per_group);
+  std::vector<double> seconds;
+  for (int i = 0; i <= repetitions; ++i) {
+    const Timer timer;
+    device.queue().launch(*kernel, groups, buffers, bytes_of(arguments), "Measure copying");
+    device.queue().wait();
+    if (i > 0) seconds.push_back(timer.seconds());
+  }
+  Rate rate = rate_of("copy", 2 * line_bytes * arguments.lines, std::move(seconds));
+  if (!filled_with(device, to, value)) deny(rate, "the copy differs from what was copied");
+  return rate;
+}
+
+void check_repetitions(int repetitions) {
+  if (repetitions < 1) throw Error(ErrorKind::usage, "a bandwidth needs at least one repetition");
+}
+
+}  // namespace
+
+double time_read(Device& device, Buffer& data, int streams, std::vector<float>* sums) {
+  Reader reader(device, data, streams);
+  const double seconds = reader.seconds();
+  if (sums != nullptr) *sums = reader.sums();
+  return seconds;
+}
+
+Rate read_bandwidth(Device& device, Buffer& data, int repetitions) {
+  check_repetitions(repetitions);
+  Rate best;
+  for (const int streams : {1, 2, 4, 8}) {
+    Reader reader(device, data, streams);
+    static_cast<void>(reader.seconds());  // warm up
+    const std::vector<float> first = reader.sums();
+    bool same = std::none_of(first.begin(), first.end(), [](float sum) { return std::isnan(sum); });
+    std::vector<double> seconds;
+    for (int i = 0; i < repetitions; ++i) {
+      seconds.push_back(reader.seconds());
+      const std::vector<float> again = reader.sums();
+      same = same && std::memcmp(first.data(), again.data(), first.size() * sizeof(float)) == 0;
+    }
+    Rate rate = rate_of("read", line_bytes * lines_in(data), std::move(seconds));
+    if (!same) deny(rate, "two passes over the same memory gave different sums");
+    if (best.what.empty() || !rate.verified || (best.verified && rate.seconds < best.seconds)) best = rate;
+  }
+  return best;
+}
+
+std::vector<Rate> measure_bandwidth(Device& device, std::uint64_t bytes, int repetitions) {
+  check_repetitions(repetitions);
+  if (bytes < line_bytes || bytes % line_bytes != 0 || bytes / line_bytes > 0xFFFFFFFFU) {
+    throw Error(ErrorKind::usage, "a bandwidth is measured over a whole number of 64-byte lines, 1 to 2^32 - 1");
+  }
+  constexpr float value = 1;
+  const std::unique_ptr<Buffer> from = device.allocate(bytes);
+  const std::unique_ptr<Buffer> to = device.allocate(bytes);
+  fill(device, *from, value);
+  fill(device, *to, 0);  // its pages are there before the clock runs
+  std::vector<Rate> rates = {read_bandwidth(device, *from, repetitions)};
+
+  std::vector<float> sums;
+  static_cast<void>(time_read(device, *from, 8, &sums));
+  double total = 0;
+  for (const float sum : sums) total += sum;
+  if (total != static_cast<double>(bytes / sizeof(float))) deny(rates[0], "the sums are not those of what was put in");
+  rates.push_back(copy_bandwidth(device, *from, *to, repetitions, value));
+  return rates;
+}
+
+}  // namespace interflect

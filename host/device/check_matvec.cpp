@@ -1,0 +1,123 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "interflect/base/error.h"
+#include "interflect/device/check_tools.h"
+#include "interflect/device/kernel_arguments.h"
+#include "interflect/device/reference.h"
+
+// matvec: all sizes, columns and panels against the reference.
+
+namespace interflect {
+
+double matvec_bound(std::uint64_t n) {
+  return check::rounding_bound(std::min<std::uint64_t>(n, 256) + (n + 255) / 256 + 5);
+}
+
+namespace check {
+
+namespace {
+
+constexpr std::uint32_t most_columns = 24;
+
+/// A square matrix of n rows with its vectors and the exact products, shared by all cases of that size.
+struct Problem {
+  Problem(std::uint32_t size, std::uint32_t with_columns)
+      : n(size), stride((size + 15) / 16 * 16), columns(with_columns), seed(size * 2654435761U) {
+    Random random(seed);
+    for (std::uint32_t i = 0; i < n; ++i) append(f, random.numbers(n), 0);
+    // A column longer than needed by a line, so that first, n and the stride differ.
+    for (std::uint32_t c = 0; c < columns; ++c) append(x, random.numbers(n), sentinel());
+    exact.resize(std::size_t{n} * columns);
+    reference::matvec(arguments(0, n), columns, f, x, exact);
+  }
+
+  [[nodiscard]] std::uint32_t vector_stride() const { return stride + 16; }
+  [[nodiscard]] MatvecArguments arguments(std::uint32_t first, std::uint32_t rows) const {
+    return {.n = n, .first = first, .rows = rows, .row_stride = stride, .vector_stride = vector_stride()};
+  }
+
+  std::uint32_t n;
+  std::uint32_t stride;
+  std::uint32_t columns;
+  std::uint64_t seed;
+  std::vector<float> f;
+  std::vector<float> x;
+  std::vector<reference::Sum> exact;
+
+ private:
+  void append(std::vector<float>& to, std::vector<float> values, float padding) const {
+    values.resize(&to == &f ? stride : vector_stride(), padding);
+    to.insert(to.end(), values.begin(), values.end());
+  }
+};
+
+/// What y holds after the rows [done, n) have been computed: those sums, and sentinels everywhere else.
+void compare_rows(Finding& finding, const Problem& problem, std::uint32_t columns, std::uint32_t done,
+                  const std::vector<float>& y) {
+  const std::uint32_t length = problem.vector_stride();
+  for (std::uint32_t i = 0; i < columns * length; ++i) {
+    const std::uint32_t c = i / length;
+    const std::uint32_t row = i % length;
+    if (row >= done && row < problem.n) {
+      const reference::Sum& sum = problem.exact[std::size_t{c} * problem.n + row];
+      compare(finding, y[i], sum.value, sum.magnitude);
+    } else if (!is_sentinel(y[i])) {
+      finding.wrong = fmt::format("element {} of column {} is not the panel's, but was written", row, c);
+    }
+  }
+}
+
+/// The panels one by one, the last first; each is held against the reference at once.
+Finding run(Device& device, const Problem& problem, std::uint32_t columns, std::uint32_t panel_rows) {
+  const auto kernel = device.kernel("matvec", {{"COLUMNS", static_cast<int>(columns)}});
+  const std::size_t length = std::size_t{columns} * problem.vector_stride();
+  const GuardedBuffer x(device, std::span(problem.x).first(length));
+  const GuardedBuffer y(device, std::vector<float>(length, sentinel()));
+  Finding finding;
+  const std::uint32_t panels = (problem.n + panel_rows - 1) / panel_rows;
+  for (std::uint32_t p = panels; p-- > 0;) {
+    const std::uint32_t first = p * panel_rows;
+    const MatvecArguments arguments = problem.arguments(first, std::min(panel_rows, problem.n - first));
+    const GuardedBuffer f(device, std::span(problem.f).subspan(std::size_t{first} * problem.stride,
+                                                               std::size_t{arguments.rows} * problem.stride));
+    Buffer* const buffers[] = {f.get(), x.get(), y.get()};
+    device.queue().launch(*kernel, 1, buffers, std::as_bytes(std::span(&arguments, 1)), "Check matvec");
+    compare_rows(finding, problem, columns, first, y.values(device));
+  }
+  return finding;
+}
+
+void add(Device& device, std::vector<KernelCheck>& rows, const Problem& problem, std::uint32_t columns,
+         std::uint32_t panel_rows) {
+  KernelCheck row;
+  row.kernel = "matvec";
+  row.parameters = fmt::format("COLUMNS={} panel_rows={} seed={}", columns, panel_rows, problem.seed);
+  row.size = problem.n;
+  row.bound = matvec_bound(problem.n);
+  add_case(rows, std::move(row), [&] { return run(device, problem, columns, panel_rows); });
+}
+
+}  // namespace
+
+void check_matvec(Device& device, std::vector<KernelCheck>& rows) {
+  for (const std::uint32_t n : {1U, 2U, 15U, 16U, 17U, 31U, 32U, 33U, 63U, 64U, 65U, 255U, 256U, 257U}) {
+    const Problem problem(n, most_columns);
+    for (const std::uint32_t columns : {1U, 2U, 3U, 4U, 5U, 6U, 7U, most_columns}) {
+      add(device, rows, problem, columns, n);
+      if (n > 1) add(device, rows, problem, columns, (n + 2) / 3);
+    }
+    if (n > 1 && n <= 33) add(device, rows, problem, 3, 1);
+    if (n > 5) add(device, rows, problem, 3, 5);
+  }
+  for (const std::uint32_t n : {1023U, 1025U, 1312U, 1313U}) {
+    const Problem problem(n, 7);
+    for (const std::uint32_t columns : {3U, 7U}) add(device, rows, problem, columns, n);
+    add(device, rows, problem, 3, 501);
+  }
+}
+
+}  // namespace check
+
+}  // namespace interflect

@@ -1,0 +1,35 @@
+#include "omp/blocks.h"
+
+namespace interflect::omp {
+
+namespace {
+
+/// The norms that matter are near 1; below this a value is as good as zero, and a denormal one costs a hundred cycles.
+float flushed(float value) {
+  return (value < 0 ? -value : value) < 1e-30F ? 0.0F : value;
+}
+
+}  // namespace
+
+void bounce(const Launch& launch) {
+  const Vectors v(launch);
+  const float* y = v.vector(0, "y");
+  const float* rho = v.vector(1, "rho");
+  const float* d = v.vector(2, "d");
+  float* r = v.vector(3, "r");
+  float* x = v.vector(4, "x");
+  float* sums = v.sums(5);
+  const float keep = v.arguments().option == 1 ? 1.0F : 0.0F;
+  v.for_each_block([=, &v](const Block& block) {
+    const auto [rr, gamma] = block_sums<2>(block, [=](std::uint64_t i) {
+      const float bounced = flushed(rho[i] * y[i]);
+      r[i] = bounced;
+      x[i] += keep * bounced;
+      return std::array{bounced * bounced, d[i] * bounced * bounced};
+    });
+    v.partial(sums, sum::rr, block.column, block.index) = rr;
+    v.partial(sums, sum::gamma, block.column, block.index) = gamma;
+  });
+}
+
+}  // namespace interflect::omp
