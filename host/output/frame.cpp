@@ -45,7 +45,6 @@ struct Surroundings {
   double front = 0;    ///< share of directions that meet a front
   double back = 0;     ///< ... a back; the rest meets nothing
   double nearest = 0;  ///< distance of the nearest front
-  double mean = 0;     ///< mean distance of fronts
 };
 
 /// What a camera shows, from a coarse grid of rays.
@@ -103,10 +102,8 @@ class Framing {
       }
       ++fronts;
       s.nearest = std::min(s.nearest, seen->distance);
-      s.mean += seen->distance;
     }
     s.front = static_cast<double>(fronts) / rays;
-    if (fronts > 0) s.mean /= fronts;
     return s;
   }
 
@@ -157,25 +154,33 @@ class Framing {
 };
 
 /// Positions on a grid at about eye height, those in free space only; each looks at the centre and to both sides of it.
+/// Only in a room: half of the free positions at least are surrounded by fronts, but for a window.
 void Framing::try_inside(Camera& best, double& score) const {
   constexpr int grid = 12;
+  constexpr double surrounded = 0.95;
+  std::vector<Vec3> eyes;
+  int free = 0, enclosed = 0;
   for (const double height : {0.5, 0.62, 0.4}) {
     for (int k = 0; k < grid * grid; ++k) {
-      const double s = (k % grid + 0.5) / grid, a = (k / grid + 0.5) / grid;
-      const Vec3 eye = at(s, height, a);
+      const Vec3 eye = at((k % grid + 0.5) / grid, height, (k / grid + 0.5) / grid);
       const Surroundings around = surroundings(eye);
-      if (around.front < 0.98 || around.back > 0.005) continue;
-      if (around.nearest < 0.03 * sight_.extent()) continue;
-      const Vec3 centre = centre_ - up_ * (0.04 * sight_.extent());
-      if (length(centre - eye) < 0.1 * sight_.extent()) continue;
-      for (const double turn : {0.0, 0.2, -0.2}) {
-        const Vec3 ahead = centre - eye, aside = cross(ahead, up_);
-        const Camera camera{eye, eye + ahead + aside * turn, up_, inside_fov};
-        const View v = view(camera);
-        const double value =
-            v.front * (1 - 2 * v.back) * (1 - 2 * v.near) * std::sqrt(v.diversity) * v.depth / sight_.extent();
-        if (value > score * (1 + 1e-9)) score = value, best = camera;
-      }
+      if (around.back > 0.005) continue;
+      ++free;
+      if (around.front > surrounded && around.nearest > 0.03 * sight_.extent()) eyes.push_back(eye);
+      if (around.front > surrounded) ++enclosed;
+    }
+  }
+  if (2 * enclosed < free) return;
+  const Vec3 centre = centre_ - up_ * (0.04 * sight_.extent());
+  for (const Vec3 eye : eyes) {
+    if (length(centre - eye) < 0.1 * sight_.extent()) continue;
+    for (const double turn : {0.0, 0.2, -0.2}) {
+      const Vec3 ahead = centre - eye, aside = cross(ahead, up_);
+      const Camera camera{eye, eye + ahead + aside * turn, up_, inside_fov};
+      const View v = view(camera);
+      const double value =
+          v.front * (1 - 2 * v.back) * (1 - 2 * v.near) * std::sqrt(v.diversity) * v.depth / sight_.extent();
+      if (value > score * (1 + 1e-9)) score = value, best = camera;
     }
   }
 }

@@ -69,17 +69,18 @@ class Asset {
 
   Json& json() { return json_; }
 
-  /// An accessor over three floats per element.
-  std::size_t add_vectors(const std::vector<std::array<float, 3>>& values, bool bounds) {
+  /// An accessor over `Size` floats per element.
+  template <std::size_t Size>
+  std::size_t add_vectors(const std::vector<std::array<float, Size>>& values, bool bounds) {
     const std::size_t start = binary_.size();
-    std::array<float, 3> low = values.front(), high = low;
+    std::array<float, Size> low = values.front(), high = low;
     for (const auto& v : values) {
-      for (std::size_t c = 0; c < 3; ++c) {
+      for (std::size_t c = 0; c < Size; ++c) {
         append_little_endian(binary_, v[c]);
         low[c] = std::min(low[c], v[c]), high[c] = std::max(high[c], v[c]);
       }
     }
-    Json accessor = add_view(start, array_buffer, type_float, values.size(), "VEC3");
+    Json accessor = add_view(start, array_buffer, type_float, values.size(), Size == 3 ? "VEC3" : "VEC4");
     if (bounds) accessor["min"] = low, accessor["max"] = high;
     return add("accessors", std::move(accessor));
   }
@@ -140,7 +141,7 @@ std::array<float, 3> floats(const Rgb& c) {
 
 /// See output.h: the factor from radiosity to COLOR_0.
 double color_scale(const Solution& solution) {
-  constexpr double very_dark = 4;
+  constexpr double very_dark = 16;
   double largest = 0;
   for (const Rgb& b : solution.radiosity) largest = std::max(largest, brightness(b));
   const double exposure = surface_exposure(*solution.mesh, solution.radiosity);
@@ -160,12 +161,14 @@ void write_glb(const Solution& solution, const std::filesystem::path& path) {
   asset.json()["scenes"][0]["extras"] = {{"interflect_color_scale", scale}};
   for (std::size_t g = 0; g < parts.size(); ++g) {
     if (parts[g].indices.empty()) continue;
-    std::vector<std::array<float, 3>> position, normal, colour, linear;
+    std::vector<std::array<float, 3>> position, normal, linear;
+    std::vector<std::array<float, 4>> colour;  // opaque: some readers take a missing alpha for 0
     for (const std::uint32_t s : parts[g].vertices) {
       const Rgb& b = radiosity[s];
       position.push_back(floats(mesh.vertices[smooth.vertex[s]]));
       normal.push_back(floats(smooth.normal[s]));
-      colour.push_back(floats(tone_map({scale * b[0], scale * b[1], scale * b[2]}, ToneMap::linear)));
+      const auto shown = floats(tone_map({scale * b[0], scale * b[1], scale * b[2]}, ToneMap::linear));
+      colour.push_back({shown[0], shown[1], shown[2], 1});
       linear.push_back(floats(b));
     }
     const Json attributes = {{"POSITION", asset.add_vectors(position, true)},

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "interflect/base/error.h"
-#include "interflect/output/bytes.h"
 #include "interflect/output/lens.h"
 #include "interflect/output/output.h"
 #include "interflect/output/sight.h"
@@ -18,6 +17,7 @@ namespace interflect {
 namespace {
 
 constexpr std::uint32_t largest_size = 32768;
+constexpr double largest_value = 1e30;  // so that sums over samples stay finite floats
 
 void check_options(const PictureOptions& o) {
   const auto refuse = [](const std::string& cause) { throw Error(ErrorKind::usage, "picture: " + cause); };
@@ -54,7 +54,7 @@ class Painter {
   Painter(const Solution& solution, const PictureOptions& options)
       : mesh_(*solution.mesh), sight_(mesh_), smooth_(smooth_mesh(mesh_)) {
     for (const Rgb& b : smooth_radiosities(smooth_, mesh_, solution.radiosity)) {
-      for (const double c : b) value_.push_back(std::max(finite_float(c), 0.0F));
+      for (const double c : b) value_.push_back(static_cast<float>(std::clamp(c, 0.0, largest_value)));
     }
     const double aspect = static_cast<double>(options.width) / options.height;
     camera_ = options.camera ? *options.camera : frame_scene(mesh_, aspect);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -95,8 +96,7 @@ class TemporaryFolder {
  public:
   TemporaryFolder() {
     const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
-    path_ = std::filesystem::path(::testing::TempDir()) / ("interflect-" + std::string(info->test_suite_name()) + "-" +
-                                                           info->name() + "-" + std::to_string(getpid()));
+    path_ = std::filesystem::path(::testing::TempDir()) / name(info->test_suite_name(), info->name());
     std::filesystem::create_directories(path_);
   }
   TemporaryFolder(const TemporaryFolder&) = delete;
@@ -109,6 +109,12 @@ class TemporaryFolder {
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
  private:
+  /// Names of parameterised tests hold slashes.
+  static std::string name(std::string suite, const std::string& test) {
+    suite = "interflect-" + suite + "-" + test + "-" + std::to_string(getpid());
+    std::replace(suite.begin(), suite.end(), '/', '-');
+    return suite;
+  }
   std::filesystem::path path_;
 };
 
