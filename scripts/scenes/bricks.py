@@ -76,6 +76,9 @@ class Bricks:
                 sign, owner = (1, a) if b == AIR else (-1, b)
                 faces.setdefault((axis, plane, sign, owner), set()).add(cell)
 
+        def different(p, q):
+            return [x for x, (a, b) in enumerate(zip(p, q)) if a != b]
+
         steps = {}
         for z in range(nz):
             for y in range(ny):
@@ -85,10 +88,10 @@ class Bricks:
                 for x in steps[row]:
                     between(row[x - 1], row[x], 0, x, (y, z))
                 if y and rows[z][y - 1] != row:
-                    for x in range(nx):
+                    for x in different(rows[z][y - 1], row):
                         between(rows[z][y - 1][x], row[x], 1, y, (z, x))
                 if z and rows[z - 1][y] != row:
-                    for x in range(nx):
+                    for x in different(rows[z - 1][y], row):
                         between(rows[z - 1][y][x], row[x], 2, z, (x, y))
         if any(key[3] == 255 for key in faces):
             raise ValueError("air reaches the end of the world")
@@ -146,13 +149,16 @@ def place(key, p):
 
 def outline(cells):
     """Directed edges around cells, which lie on the left: vertex -> the vertices that follow it."""
-    edges = set()
+    edges = []
     for i, j in cells:
-        for e in (((i, j), (i + 1, j)), ((i + 1, j), (i + 1, j + 1)), ((i + 1, j + 1), (i, j + 1)), ((i, j + 1), (i, j))):
-            if e[::-1] in edges:
-                edges.remove(e[::-1])
-            else:
-                edges.add(e)
+        if (i, j - 1) not in cells:
+            edges.append(((i, j), (i + 1, j)))
+        if (i + 1, j) not in cells:
+            edges.append(((i + 1, j), (i + 1, j + 1)))
+        if (i, j + 1) not in cells:
+            edges.append(((i + 1, j + 1), (i, j + 1)))
+        if (i - 1, j) not in cells:
+            edges.append(((i, j + 1), (i, j)))
     out = {}
     for a, b in sorted(edges):
         out.setdefault(a, []).append(b)

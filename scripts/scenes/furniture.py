@@ -186,11 +186,12 @@ def shade_lamp(room, name, light, shade, x, z, y, size, height, sides, steps):
 
 def pendant_lamp(room, name, light, shade, x, z, y, size, sides, steps):
     """A bell-shaped shade on a cord, open below, a bulb in it."""
-    cord, bulb, bell = (part(name, m, name + g) for m, g in (("metal", "_cord"), (light, "_bulb"), (shade, "_shade")))
+    cord, bulb, bell, lining = (part(name, m, name + g) for m, g in (
+        ("metal", "_cord"), (light, "_bulb"), (shade, "_shade"), ("lacquer", "_shade")))
     top = room.size[1]
     inside = ball(bulb, 0.28 * size, y + 0.3 * size, steps, 0, 1 - 0.7 / steps)
     room.turned(x, z, sides, inside + [
-        (cord, 0.16 * size, y + 0.78 * size), (bell, 0.62 * size, y + 0.55 * size), (bell, 0.96 * size, y),
+        (cord, 0.16 * size, y + 0.78 * size), (lining, 0.62 * size, y + 0.55 * size), (lining, 0.96 * size, y),
         (bell, size, y), (bell, 0.66 * size, y + 0.6 * size), (bell, 0.2 * size, y + 0.84 * size), (cord, 6, y + size),
         (cord, 6, top - 25), (cord, 50, top - 20), (cord, 50, top)], False, True)
 

@@ -17,23 +17,23 @@ MATERIALS = {name: Material(kd, DARK) for name, kd in {
 # The lamps, each with names of its own, so that they can be dimmed apart.
 MATERIALS.update({
     "light_window": Material((0.3, 0.3, 0.3), (1.7, 2.1, 2.8)), "light_ceiling": Material((0.7, 0.7, 0.7), (14, 12.4, 10)),
-    "light_pendant": Material((0.7, 0.7, 0.7), (90, 70, 45)), "light_floor": Material((0.7, 0.7, 0.7), (70, 42, 18)),
-    "shade_floor": Material((0.6, 0.52, 0.4), (1.3, 0.78, 0.34)), "light_desk": Material((0.7, 0.7, 0.7), (80, 92, 100)),
+    "light_pendant": Material((0.7, 0.7, 0.7), (90, 70, 45)), "light_floor": Material((0.7, 0.7, 0.7), (64, 42, 22)),
+    "shade_floor": Material((0.6, 0.52, 0.4), (1.2, 0.79, 0.42)), "light_desk": Material((0.7, 0.7, 0.7), (80, 92, 100)),
     "shade_desk": Material((0.1, 0.32, 0.22), DARK), "shade_pendant": Material((0.5, 0.16, 0.1), DARK)})
 BOOKS = ("wine", "navy", "petrol", "mustard", "cream", "ink", "sage", "terracotta")
 
 
 def room_1312():
     r = Room((3600, 2500, 3200), (700, 800, 850), 1.9, "oak ceiling plaster plaster terracotta sage")
-    window(r.wall("left"), "window", "light_window", "lacquer", 900, 1000, 1100, 1000, 600, 2, 1)
+    window(r.wall("left"), "window", "light_window", "lacquer", 1250, 950, 1200, 1050, 600, 2, 1)
     picture(r.wall("back"), "picture", "walnut", 1450, 1300, 700, 500, 500,
             (("cream", 0, 0, 100, 100), ("red", 10, 15, 45, 85), ("blue", 55, 40, 90, 85)))
     table(r.frame(1150, 700), "table", "wood", 1300, 750, 740, 330)
     chair(r.frame(1600, 300), "chair", "wood", "navy", 330)
-    ceiling_lamp(r, "ceiling_lamp", "light_ceiling", 1800, 1700, 450, 170, 8, 4)
+    ceiling_lamp(r, "ceiling_lamp", "light_ceiling", 1800, 1000, 300, 170, 8, 4)
     shade_lamp(r, "floor_lamp", "light_floor", "shade_floor", 3150, 450, 0, 200, 1450, 8, 3)
     bowl(r, "bowl", "china", 1650, 1080, 740, 8)
-    return r, 1, (part("table", "wood", "table_top"), 39), ((2350, 1500, 3050), (1650, 950, 700), 68)
+    return r, 1, (part("table", "wood", "table_top"), 38), ((2450, 1500, 3080), (1600, 1000, 700), 70)
 
 
 def room_3360():

@@ -138,26 +138,34 @@ class Triangulation:
                 self.flip(a, b)
                 queue += [(a, c), (a, d), (b, c), (b, d)]
 
-    def triangles(self):
-        seen = set()
-        for (a, b), c in self.edge.items():
-            if max(a, b, c) >= self.count:
+    def triangles(self, fixed):
+        """The triangles inside the fixed edges, each from its smallest vertex on: those to which one comes from outside
+        over an odd number of fixed edges."""
+        start = (self.count, self.count + 1) if (self.count, self.count + 1) in self.edge else (self.count + 1, self.count)
+        todo, seen, out = [(start, False)], set(), []
+        while todo:
+            (a, b), odd = todo.pop()
+            if (a, b) in seen:
                 continue
-            while a != min(a, b, c):
-                a, b, c = b, c, a
-            seen.add((a, b, c))
-        return sorted(seen)
+            c = self.edge[a, b]
+            seen.update(((a, b), (b, c), (c, a)))
+            if odd:
+                out.append((a, b, c) if a < b and a < c else (b, c, a) if b < c else (c, a, b))
+            for u, v in ((a, b), (b, c), (c, a)):
+                if (v, u) in self.edge and (v, u) not in seen:
+                    todo.append(((v, u), odd != ((u, v) in fixed or (v, u) in fixed)))
+        return sorted(out)
 
 
-def inside(loops, x, y, scale=1):
-    """Whether (x, y) / scale lies inside the loops, by the even-odd rule."""
+def inside(loops, x, y):
+    """Whether (x, y) lies inside the loops, by the even-odd rule."""
     odd = False
     for loop in loops:
         px, py = loop[-1]
         for qx, qy in loop:
-            if (py * scale > y) != (qy * scale > y):
+            if (py > y) != (qy > y):
                 # Side of the edge, without a division.
-                side = (qx * scale - px * scale) * (y - py * scale) - (qy * scale - py * scale) * (x - px * scale)
+                side = (qx - px) * (y - py) - (qy - py) * (x - px)
                 if (side < 0) == (qy > py):
                     odd = not odd
             px, py = qx, qy
@@ -186,9 +194,4 @@ def triangulate(loops, points=()):
             mesh.recover(index[a], index[b])
             fixed.add((index[a], index[b]))
     mesh.relax(fixed)
-    out = []
-    for t in mesh.triangles():
-        p = [mesh.points[i] for i in t]
-        if inside(loops, sum(q[0] for q in p), sum(q[1] for q in p), 3):
-            out.append(tuple(p))
-    return out
+    return [tuple(mesh.points[i] for i in t) for t in mesh.triangles(fixed)]

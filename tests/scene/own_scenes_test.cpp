@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -96,12 +97,12 @@ TEST(OwnScenes, CornellBoxHasThePublishedMeasurements) {
   const Scene scene = own("cornell-box.obj");
   const auto parts = extents(scene);
   ASSERT_EQ(parts.size(), 8U);
-  // A quadrilateral's area is half the cross product of its diagonals; the published corners are in tests' comments.
-  const double short_foot = 0.5 * ((240. - 130) * (225 - 114) - (272. - 65) * (82 - 290)) * -1;
-  const double tall_foot = 0.5 * ((314. - 423) * (406 - 296) - (456. - 247) * (472 - 265)) * -1;
+  // A quadrilateral's area is half the cross product of its diagonals; here the blocks' feet in x and z.
+  const double short_foot = 0.5 * std::abs((240. - 130) * (114 - 225) - (272. - 65) * (290 - 82));
+  const double tall_foot = 0.5 * std::abs((314. - 423) * (406 - 296) - (456. - 247) * (472 - 265));
   EXPECT_NEAR(parts.at("light").area, 130 * 105, 1e-9);
   EXPECT_NEAR(parts.at("ceiling").area, 556 * 559.2 - 130 * 105, 1e-9);
-  EXPECT_NEAR(parts.at("floor").area, (552.8 + 549.6) / 2 * 559.2 - std::abs(short_foot) - std::abs(tall_foot), 1e-6);
+  EXPECT_NEAR(parts.at("floor").area, (552.8 + 549.6) / 2 * 559.2 - short_foot - tall_foot, 1e-6);
   EXPECT_NEAR(parts.at("back_wall").area, (549.6 + 556) / 2 * 548.8, 1e-6);
   EXPECT_NEAR(parts.at("right_wall").area, 559.2 * 548.8, 1e-6);
   // All fronts look into the box.
@@ -111,8 +112,8 @@ TEST(OwnScenes, CornellBoxHasThePublishedMeasurements) {
   EXPECT_NEAR(parts.at("back_wall").normals.z, -parts.at("back_wall").area, 1e-6);
   EXPECT_NEAR(parts.at("right_wall").normals.x, parts.at("right_wall").area, 1e-6);
   EXPECT_LT(parts.at("left_wall").normals.x, -306800);
-  EXPECT_NEAR(parts.at("short_block").normals.y, std::abs(short_foot), 1e-6);
-  EXPECT_NEAR(parts.at("tall_block").normals.y, std::abs(tall_foot), 1e-6);
+  EXPECT_NEAR(parts.at("short_block").normals.y, short_foot, 1e-6);
+  EXPECT_NEAR(parts.at("tall_block").normals.y, tall_foot, 1e-6);
   // Open at the front, and only there: 16 edges around the opening.
   const std::vector<Finding> found = check_scene(scene);
   ASSERT_EQ(found.size(), 1U);
@@ -164,6 +165,23 @@ TEST_P(OwnRooms, LampsHaveNamesOfTheirOwn) {
     if (e[0] + e[1] + e[2] > 0) lamps.insert(surface.object);
   }
   EXPECT_THAT(lamps, testing::UnorderedElementsAreArray(GetParam().lamps));
+}
+
+TEST_P(OwnRooms, TheTeapotIsNewells) {
+  const Scene scene = own(GetParam().file);
+  Vec3 low{1e9, 1e9, 1e9}, high = -low;
+  for (const Triangle& t : scene.triangles) {
+    if (scene.surfaces[t.surface].object != "teapot") continue;
+    for (const std::uint32_t v : t.vertex) low = min(low, scene.positions[v]), high = max(high, scene.positions[v]);
+  }
+  if (GetParam().patches == 1312) {  // the small room has none
+    EXPECT_GT(low.x, high.x);
+    return;
+  }
+  // From the handle (x = -3) to the tip of the spout (3.43), 4 wide, 3 high above the lowest ring of the body at 0.15.
+  const Vec3 size = high - low;
+  EXPECT_NEAR(size.y / size.z, 3.0 / 4.0, 0.01);
+  EXPECT_NEAR(size.x / size.z, 6.43 / 4.0, 0.04);
 }
 
 TEST_P(OwnRooms, ReflectancesAreThoseOfRealThings) {
