@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 
 #include "interflect/formfactor/simd.h"
 
@@ -126,19 +125,27 @@ Scaling scale_to_closure(FormFactorMatrix& f, const std::vector<double>& area, c
                          double tolerance, std::uint32_t most) {
   Balance balance(f, area, takes_part);
   balance.evaluate();
-  // Far from the goal the damped step is the safe one, near it Newton's is the fast one.
-  for (int k = 0; balance.residual > tolerance && balance.products < most; ++k) {
+  std::vector<double> best = balance.d;
+  double least = balance.residual;
+  // Far from the goal the damped step is the safe one, near it Newton's is the fast one. A goal that cannot be reached
+  // (two patches of unequal area that see only each other) ends by not coming nearer.
+  for (int k = 0, idle = 0; balance.residual > tolerance && balance.products < most && idle < 4; ++k) {
     if (k < 2 && balance.residual > 0.2) {
       balance.damped_step();
     } else {
       balance.newton_step(tolerance);
     }
     balance.evaluate();
+    idle = balance.residual < 0.9 * least ? 0 : idle + 1;
+    if (balance.residual < least) {
+      least = balance.residual;
+      best = balance.d;
+    }
   }
   Scaling report;
   report.iterations = balance.products - 1;
-  report.residual = balance.residual;
-  if (report.iterations > 0) apply(f, balance.d, report);
+  report.residual = least;
+  if (report.iterations > 0) apply(f, best, report);
   return report;
 }
 
