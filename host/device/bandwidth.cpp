@@ -22,6 +22,10 @@ std::uint32_t lines_in(const Buffer& buffer) {
   return static_cast<std::uint32_t>(std::min<std::uint64_t>(lines, std::numeric_limits<std::uint32_t>::max()));
 }
 
+std::uint32_t groups_for(std::uint32_t lines) {
+  return std::max(1U, lines / lines_per_group + (lines % lines_per_group != 0 ? 1 : 0));
+}
+
 std::span<const std::byte> bytes_of(const StreamArguments& arguments) {
   return std::as_bytes(std::span(&arguments, 1));
 }
@@ -33,7 +37,7 @@ class Reader {
       : device_(device),
         data_(data),
         arguments_{lines_in(data)},
-        groups_(std::max(1U, (arguments_.lines + lines_per_group - 1) / lines_per_group)),
+        groups_(groups_for(arguments_.lines)),
         kernel_(device.kernel("read", {{"STREAMS", streams}})),
         sums_(device.allocate(groups_ * sizeof(float))) {}
 
@@ -101,7 +105,7 @@ Rate copy_bandwidth(Device& device, Buffer& from, Buffer& to, int repetitions, f
   const StreamArguments arguments{lines_in(from)};
   const std::unique_ptr<Kernel> kernel = device.kernel("copy", {});
   Buffer* const buffers[] = {&from, &to};
-  const std::uint32_t groups = std::max(1U, (arguments.lines + lines_per_group - 1) / lines_per_group);
+  const std::uint32_t groups = groups_for(arguments.lines);
   std::vector<double> seconds;
   for (int i = 0; i <= repetitions; ++i) {
     const Timer timer;
@@ -164,7 +168,8 @@ std::vector<Rate> measure_bandwidth(Device& device, std::uint64_t bytes, int rep
   static_cast<void>(time_read(device, *from, 8, &sums));
   double total = 0;
   for (const float sum : sums) total += sum;
-  if (total != static_cast<double>(bytes / sizeof(float))) deny(rates[0], "the sums are not those of what was put in");
+  const std::uint64_t put_in = bytes / sizeof(float);  // ones
+  if (total != static_cast<double>(put_in)) deny(rates[0], "the sums are not those of what was put in");
   rates.push_back(copy_bandwidth(device, *from, *to, repetitions, value));
   return rates;
 }

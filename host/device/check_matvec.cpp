@@ -24,7 +24,7 @@ constexpr std::uint32_t most_columns = 24;
 /// A square matrix of n rows with its vectors and the exact products, shared by all cases of that size.
 struct Problem {
   Problem(std::uint32_t size, std::uint32_t with_columns)
-      : n(size), stride((size + 15) / 16 * 16), columns(with_columns), seed(size * 2654435761U) {
+      : n(size), stride((size + 15) / 16 * 16), columns(with_columns), seed(std::uint64_t{size} * 2654435761U) {
     Random random(seed);
     for (std::uint32_t i = 0; i < n; ++i) append(f, random.numbers(n), 0);
     // A column longer than needed by a line, so that first, n and the stride differ.

@@ -12,7 +12,7 @@ namespace interflect::check {
 namespace {
 
 std::uint64_t seed_of(std::uint32_t lines) {
-  return lines * 2246822519U + 1;
+  return std::uint64_t{lines} * 2246822519U + 1;
 }
 
 Finding run_read(Device& device, std::uint32_t lines, std::uint32_t groups, int streams) {

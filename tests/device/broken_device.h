@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -33,9 +34,11 @@ class ReplacedKernelDevice final : public Device {
   using Replacement = std::function<void(Launched&)>;
 
   ReplacedKernelDevice(std::unique_ptr<Device> inner, std::string_view kernel, Replacement replacement)
-      : inner_(std::move(inner)), queue_(inner_->queue(), kernel, std::move(replacement)) {}
+      : inner_(std::move(inner)), info_(inner_->info()), queue_(inner_->queue(), kernel, std::move(replacement)) {}
 
-  [[nodiscard]] const DeviceInfo& info() const override { return inner_->info(); }
+  [[nodiscard]] const DeviceInfo& info() const override { return info_; }
+  /// Makes the device state that no buffer may be larger.
+  void limit_buffers(std::uint64_t bytes) { info_.max_buffer_bytes = bytes; }
   [[nodiscard]] std::unique_ptr<Buffer> allocate(std::size_t bytes) override { return inner_->allocate(bytes); }
   [[nodiscard]] std::unique_ptr<Buffer> share(std::shared_ptr<const PageBuffer> memory) override {
     return inner_->share(std::move(memory));
@@ -78,6 +81,7 @@ class ReplacedKernelDevice final : public Device {
   };
 
   std::unique_ptr<Device> inner_;
+  DeviceInfo info_;
   ReplacingQueue queue_;
 };
 

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "device/broken_device.h"
+#include "interflect/base/error.h"
 #include "interflect/device/check.h"
 #include "interflect/device/kernel_arguments.h"
 #include "interflect/device/openmp/simd.h"
@@ -189,6 +190,32 @@ TEST(BrokenMatvecTwin, ALostProductIsFarAboveTheBound) {
       EXPECT_GT(row.error, 4 * row.bound) << describe(row);
     }
   }
+}
+
+TEST(CheckDevice, ALimitOfTheDeviceIsUnsupportedAndAnErrorIsAFailure) {
+  test::ReplacedKernelDevice device(open_device("openmp"), "copy",
+                                    [](test::Launched&) { throw device_error("openmp", "launch copy", "lost"); });
+  device.limit_buffers(100000);
+  std::size_t unsupported = 0;
+  for (const KernelCheck& row : check_device(device)) {
+    const bool large = row.kernel == "matvec" && row.size > 1000;
+    if (large && row.status == CheckStatus::unsupported) ++unsupported;
+    if (row.kernel == "copy") {
+      EXPECT_EQ(row.status, CheckStatus::fail);
+      EXPECT_EQ(row.reason, "openmp: launch copy: lost");
+    } else if (row.size < 150) {
+      EXPECT_EQ(row.status, CheckStatus::pass) << describe(row);
+    } else {
+      EXPECT_NE(row.status, CheckStatus::fail) << describe(row);
+    }
+    if (row.status == CheckStatus::unsupported) {
+      EXPECT_THAT(row.reason, testing::HasSubstr("larger buffer"));
+    }
+  }
+  EXPECT_GT(unsupported, 0U);
+  EXPECT_EQ(name(CheckStatus::pass), "pass");
+  EXPECT_EQ(name(CheckStatus::fail), "fail");
+  EXPECT_EQ(name(CheckStatus::unsupported), "unsupported");
 }
 
 }  // namespace

@@ -190,7 +190,8 @@ std::string driver() {
 #else
   constexpr std::string_view compiler = "GCC " __VERSION__;
 #endif
-  return fmt::format("OpenMP {} ({}), Highway {}", _OPENMP, compiler, simd_target());
+  constexpr std::string_view version = _OPENMP >= 202011 ? "5.1" : _OPENMP >= 201811 ? "5.0" : "4.5";
+  return fmt::format("OpenMP {} ({}), Highway {}", version, compiler, simd_target());
 }
 
 DeviceInfo describe() {
