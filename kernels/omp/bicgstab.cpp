@@ -94,7 +94,7 @@ void bicgstab_step(const Launch& launch) {
   float* sums = v.sums(6);
   v.for_each_block([=, &v](const Block& block) {
     const HalfStep h = half_step(v, sums, block.column);
-    const auto [alpha, omega, beta, rho, restart] = h;
+    const float alpha = h.alpha, omega = h.omega, beta = h.beta;
     const auto step = [=](std::uint64_t i, auto add) {
       x[i] += alpha * p[i] + omega * r[i];
       r[i] -= omega * t[i];
@@ -110,11 +110,11 @@ void bicgstab_step(const Launch& launch) {
       z[i] = r[i];
       add(0, r[i] * r[i]);
     };
-    const auto [rr] = restart ? block_sums<1>(block, step_and_restart) : block_sums<1>(block, step);
+    const auto [rr] = h.restart ? block_sums<1>(block, step_and_restart) : block_sums<1>(block, step);
     v.partial(sums, sum::rr, block.column, block.index) = rr;
     if (block.index != 0) return;
-    v.scalar(sums, slot::bicgstab_rho, block.column) = restart ? 0.0F : rho;
-    if (restart && alpha != 0.0F) v.scalar(sums, slot::bicgstab_restarts, block.column) += 1.0F;
+    v.scalar(sums, slot::bicgstab_rho, block.column) = h.restart ? 0.0F : h.rho;
+    if (h.restart && alpha != 0.0F) v.scalar(sums, slot::bicgstab_restarts, block.column) += 1.0F;
   });
 }
 
