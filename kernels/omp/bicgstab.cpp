@@ -17,9 +17,13 @@ void bicgstab_product(const Launch& launch) {
   const float* z = v.vector(3, "z");
   float* sums = v.sums(4);
   v.for_each_block([=, &v](const Block& block) {
-    const auto terms = block_sums<5>(block, [=](std::uint64_t i) {
+    const auto terms = block_sums<5>(block, [=](std::uint64_t i, auto add) {
       w[i] = x[i] - rho[i] * w[i];
-      return std::array{x[i] * w[i], w[i] * w[i], z[i] * x[i], z[i] * w[i], x[i] * x[i]};
+      add(0, x[i] * w[i]);
+      add(1, w[i] * w[i]);
+      add(2, z[i] * x[i]);
+      add(3, z[i] * w[i]);
+      add(4, x[i] * x[i]);
     });
     constexpr std::array sets{sum::xw, sum::ww, sum::zx, sum::zw, sum::xx};
     for (std::size_t s = 0; s < sets.size(); ++s) v.partial(sums, sets[s], block.column, block.index) = terms[s];
@@ -90,27 +94,27 @@ void bicgstab_step(const Launch& launch) {
   float* sums = v.sums(6);
   v.for_each_block([=, &v](const Block& block) {
     const HalfStep h = half_step(v, sums, block.column);
-    const auto [alpha, omega, beta, rho, restart] = h;
-    const auto step = [=](std::uint64_t i) {
+    const float alpha = h.alpha, omega = h.omega, beta = h.beta;
+    const auto step = [=](std::uint64_t i, auto add) {
       x[i] += alpha * p[i] + omega * r[i];
       r[i] -= omega * t[i];
       p[i] = r[i] + beta * (p[i] - omega * w[i]);
-      return std::array{r[i] * r[i]};
+      add(0, r[i] * r[i]);
     };
-    const auto step_and_restart = [=](std::uint64_t i) {
+    const auto step_and_restart = [=](std::uint64_t i, auto add) {
       if (alpha != 0.0F) {
         x[i] += alpha * p[i] + omega * r[i];
         r[i] -= omega * t[i];
       }
       p[i] = r[i];
       z[i] = r[i];
-      return std::array{r[i] * r[i]};
+      add(0, r[i] * r[i]);
     };
-    const auto [rr] = restart ? block_sums<1>(block, step_and_restart) : block_sums<1>(block, step);
+    const auto [rr] = h.restart ? block_sums<1>(block, step_and_restart) : block_sums<1>(block, step);
     v.partial(sums, sum::rr, block.column, block.index) = rr;
     if (block.index != 0) return;
-    v.scalar(sums, slot::bicgstab_rho, block.column) = restart ? 0.0F : rho;
-    if (restart && alpha != 0.0F) v.scalar(sums, slot::bicgstab_restarts, block.column) += 1.0F;
+    v.scalar(sums, slot::bicgstab_rho, block.column) = h.restart ? 0.0F : h.rho;
+    if (h.restart && alpha != 0.0F) v.scalar(sums, slot::bicgstab_restarts, block.column) += 1.0F;
   });
 }
 

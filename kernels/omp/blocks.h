@@ -84,7 +84,7 @@ class Vectors {
   VectorArguments a_;
 };
 
-/// Runs element(i) over a block and adds up the `Count` terms that each call returns, in the fixed tree.
+/// Runs element(i, add) over a block, where add(s, term) adds to sum s, and gives the `Count` sums in the fixed tree.
 template <std::size_t Count, class Element>
 std::array<float, Count> block_sums(const Block& block, Element element) {
   float sums[Count][lanes] = {};
@@ -92,13 +92,11 @@ std::array<float, Count> block_sums(const Block& block, Element element) {
   for (; i + lanes <= block.end; i += lanes) {
 #pragma omp simd
     for (std::uint32_t lane = 0; lane < lanes; ++lane) {
-      const std::array<float, Count> terms = element(i + lane);
-      for (std::size_t s = 0; s < Count; ++s) sums[s][lane] += terms[s];
+      element(i + lane, [&](std::size_t s, float term) { sums[s][lane] += term; });
     }
   }
   for (std::uint32_t lane = 0; i < block.end; ++i, ++lane) {
-    const std::array<float, Count> terms = element(i);
-    for (std::size_t s = 0; s < Count; ++s) sums[s][lane] += terms[s];
+    element(i, [&](std::size_t s, float term) { sums[s][lane] += term; });
   }
   std::array<float, Count> result{};
   for (std::size_t s = 0; s < Count; ++s) {

@@ -1,3 +1,6 @@
+#include <bit>
+#include <cstdint>
+
 #include "omp/blocks.h"
 
 namespace interflect::omp {
@@ -5,8 +8,11 @@ namespace interflect::omp {
 namespace {
 
 /// The norms that matter are near 1; below this a value is as good as zero, and a denormal one costs a hundred cycles.
+/// Compared as whole numbers, since a comparison of floats that may trap is not vectorized.
 float flushed(float value) {
-  return (value < 0 ? -value : value) < 1e-30F ? 0.0F : value;
+  constexpr auto smallest = std::bit_cast<std::int32_t>(1e-30F);
+  const auto bits = std::bit_cast<std::int32_t>(value);
+  return std::bit_cast<float>((bits & 0x7FFFFFFF) < smallest ? 0 : bits);
 }
 
 }  // namespace
@@ -21,11 +27,12 @@ void bounce(const Launch& launch) {
   float* sums = v.sums(5);
   const float keep = v.arguments().option == 1 ? 1.0F : 0.0F;
   v.for_each_block([=, &v](const Block& block) {
-    const auto [rr, gamma] = block_sums<2>(block, [=](std::uint64_t i) {
+    const auto [rr, gamma] = block_sums<2>(block, [=](std::uint64_t i, auto add) {
       const float bounced = flushed(rho[i] * y[i]);
       r[i] = bounced;
       x[i] += keep * bounced;
-      return std::array{bounced * bounced, d[i] * bounced * bounced};
+      add(0, bounced * bounced);
+      add(1, d[i] * bounced * bounced);
     });
     v.partial(sums, sum::rr, block.column, block.index) = rr;
     v.partial(sums, sum::gamma, block.column, block.index) = gamma;

@@ -10,9 +10,9 @@ void cg_product(const Launch& launch) {
   const float* r = v.vector(3, "r");
   float* sums = v.sums(4);
   v.for_each_block([=, &v](const Block& block) {
-    const auto [delta] = block_sums<1>(block, [=](std::uint64_t i) {
+    const auto [delta] = block_sums<1>(block, [=](std::uint64_t i, auto add) {
       w[i] = r[i] - rho[i] * w[i];
-      return std::array{d[i] * r[i] * w[i]};
+      add(0, d[i] * r[i] * w[i]);
     });
     v.partial(sums, sum::delta, block.column, block.index) = delta;
     if (block.index != 0) return;
@@ -47,13 +47,16 @@ void cg_step(const Launch& launch) {
       scalar(slot::alpha) = alpha;
       scalar(slot::cg_gamma_old) = gamma;
     }
-    const auto residual = [=](std::uint64_t i) { return std::array{r[i] * r[i], d[i] * r[i] * r[i]}; };
-    const auto step = [=](std::uint64_t i) {
+    const auto residual = [=](std::uint64_t i, auto add) {
+      add(0, r[i] * r[i]);
+      add(1, d[i] * r[i] * r[i]);
+    };
+    const auto step = [=](std::uint64_t i, auto add) {
       p[i] = r[i] + beta * p[i];
       s[i] = w[i] + beta * s[i];
       x[i] += alpha * p[i];
       r[i] -= alpha * s[i];
-      return residual(i);
+      residual(i, add);
     };
     const auto [rr, rdr] = alpha == 0.0F ? block_sums<2>(block, residual) : block_sums<2>(block, step);
     v.partial(sums, sum::rr, block.column, block.index) = rr;

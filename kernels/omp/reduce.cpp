@@ -10,7 +10,7 @@ void dot(const Launch& launch) {
   const std::uint32_t set = v.arguments().option;
   if (set >= sum_sets) throw KernelRefusal{"no such set of sums"};
   v.for_each_block([=, &v](const Block& block) {
-    const auto [xy] = block_sums<1>(block, [=](std::uint64_t i) { return std::array{x[i] * y[i]}; });
+    const auto [xy] = block_sums<1>(block, [=](std::uint64_t i, auto add) { add(0, x[i] * y[i]); });
     v.partial(sums, set, block.column, block.index) = xy;
   });
 }
