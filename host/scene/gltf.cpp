@@ -13,6 +13,7 @@
 #include "interflect/scene/gltf_accessor.h"
 #include "interflect/scene/gltf_document.h"
 #include "interflect/scene/gltf_material.h"
+#include "interflect/scene/gltf_node.h"
 #include "interflect/scene/scene_limits.h"
 
 namespace interflect {
@@ -107,10 +108,11 @@ class Reader {
       const auto index = static_cast<std::size_t>(visit.node);
       const tinygltf::Node& node = model_.nodes[index];
       if (visited_[index]) {
-        throw fail(fmt::format("{} is reached twice: it has two parents or contains itself", who(visit.node)));
+        throw fail(fmt::format("{} is reached twice: it has two parents or contains itself",
+                               gltf::node_name(document_, visit.node)));
       }
       visited_[index] = true;
-      const Affine world = visit.parent * local(node, visit.node);
+      const Affine world = visit.parent * gltf::transformation(document_, visit.node);
       if (visit.node == root) group_ = name_of(node, visit.node);
       if (node.camera >= 0) camera(node.camera, world);
       if (node.mesh >= 0) mesh(node, visit.node, world);
@@ -118,46 +120,11 @@ class Reader {
     }
   }
 
-  std::string who(int index) const {
-    const std::string& name = model_.nodes[static_cast<std::size_t>(index)].name;
-    return name.empty() ? fmt::format("node {}", index) : fmt::format("node {} ('{}')", index, name);
-  }
-
   std::string name_of(const tinygltf::Node& node, int index) const {
     std::string name = node.name;
     const auto m = static_cast<std::size_t>(node.mesh);
     if (name.empty() && node.mesh >= 0 && m < model_.meshes.size()) name = model_.meshes[m].name;
     return name.empty() ? fmt::format("node {}", index) : name.substr(0, max_scene_name);
-  }
-
-  Affine local(const tinygltf::Node& node, int index) const {
-    const auto has = [&](const std::vector<double>& list, std::size_t size, const char* what) {
-      if (!list.empty() && list.size() != size)
-        throw fail(fmt::format("{}: {} has {} numbers", who(index), what, list.size()));
-      return !list.empty();
-    };
-    Affine a;
-    if (has(node.matrix, 16, "matrix")) {
-      const auto& m = node.matrix;
-      if (m[3] != 0 || m[7] != 0 || m[11] != 0 || m[15] != 1)
-        throw fail(fmt::format("{}: matrix is not affine", who(index)));
-      a = {{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}, {m[12], m[13], m[14]}};
-    }
-    if (has(node.rotation, 4, "rotation")) a = rotation(node.rotation, index);
-    if (has(node.scale, 3, "scale")) a = a * scaling({node.scale[0], node.scale[1], node.scale[2]});
-    if (has(node.translation, 3, "translation"))
-      a.origin = {node.translation[0], node.translation[1], node.translation[2]};
-    return a;
-  }
-
-  Affine rotation(const std::vector<double>& q, int index) const {
-    const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (!(norm > 1e-6 && norm < 1e6)) throw fail(fmt::format("{}: rotation is not a quaternion", who(index)));
-    const double x = q[0] / norm, y = q[1] / norm, z = q[2] / norm, w = q[3] / norm;
-    return {{1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)},
-            {2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)},
-            {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)},
-            {}};
   }
 
   void camera(int index, const Affine& world) {

@@ -50,20 +50,51 @@ std::string_view json_text(std::string_view bytes, const std::string& file) {
   return bytes.substr(20, json_length);
 }
 
-/// The JSON, refused while it is parsed when it nests too deep or holds more than a scene can use: tinygltf's own
-/// structures take up to a kilobyte for an empty object.
-json parse_json(std::string_view text, const std::string& file) {
-  constexpr std::uint64_t budget = std::uint64_t{1} << 24;
-  std::uint64_t spent = 0;
-  const auto watch = [&](int depth, json::parse_event_t event, json&) {
-    if (depth > max_scene_depth)
-      throw input_error(file, 0, fmt::format("JSON nested more than {} deep", max_scene_depth));
-    spent += event == json::parse_event_t::object_start ? 8 : 1;
-    if (spent > budget) throw input_error(file, 0, "more JSON values than a scene can use");
+/// Counts JSON values as they are read, without keeping any, and stops when they nest too deep or are more than a scene
+/// can use: tinygltf's own structures take up to a kilobyte for an empty object. (A callback of json::parse() would do,
+/// but takes quadratic time in nlohmann-json 3.11.)
+class Budget : public nlohmann::json_sax<json> {
+ public:
+  const char* broken = nullptr;  // which limit
+
+  bool null() override { return spend(1); }
+  bool boolean(bool) override { return spend(1); }
+  bool number_integer(number_integer_t) override { return spend(1); }
+  bool number_unsigned(number_unsigned_t) override { return spend(1); }
+  bool number_float(number_float_t, const string_t&) override { return spend(1); }
+  bool string(string_t&) override { return spend(1); }
+  bool binary(binary_t&) override { return spend(1); }
+  bool key(string_t&) override { return true; }
+  bool start_object(std::size_t) override { return enter() && spend(8); }
+  bool start_array(std::size_t) override { return enter() && spend(1); }
+  bool end_object() override { return leave(); }
+  bool end_array() override { return leave(); }
+  bool parse_error(std::size_t, const std::string&, const json::exception&) override { return false; }  // comes again
+
+ private:
+  bool spend(std::uint64_t cost) {
+    spent_ += cost;
+    if (spent_ > std::uint64_t{1} << 24) broken = "more JSON values than a scene can use";
+    return broken == nullptr;
+  }
+  bool enter() {
+    if (++depth_ > max_scene_depth) broken = "JSON values nested too deep";
+    return broken == nullptr;
+  }
+  bool leave() {
+    --depth_;
     return true;
-  };
+  }
+  std::uint64_t spent_ = 0;
+  int depth_ = 0;
+};
+
+json parse_json(std::string_view text, const std::string& file) {
+  Budget budget;
+  (void)json::sax_parse(text, &budget);
+  if (budget.broken != nullptr) throw input_error(file, 0, budget.broken);
   try {
-    return json::parse(text, watch);
+    return json::parse(text);
   } catch (const json::exception& error) {
     throw input_error(file, 0, fmt::format("not JSON: {}", error.what()));
   }
