@@ -30,7 +30,7 @@ constexpr double closed_below = 1e-4;
 // more than 1 − this share end on backs.
 constexpr double buried_below = 0.1;
 // The row sums that the closure aims at; 1e-4 is promised.
-constexpr double closure_target = 2e-5, closure_promise = 1e-4;
+constexpr double closure_target = 5e-5, closure_promise = 1e-4;
 
 std::string in_units(std::uint64_t bytes) {
   const double mib = static_cast<double>(bytes) / (1024.0 * 1024.0);

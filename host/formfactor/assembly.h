@@ -37,8 +37,10 @@ struct AssemblyReport {
   std::uint32_t closure_iterations = 0;
   double closure_max_change = 0;  ///< largest |d_i d_j − 1| by which a stored factor was moved
   RowSums before, after;
-  std::vector<std::uint32_t>
-      set_aside;                ///< patches buried in other objects: see next to nothing, left out of the closure
+  /// Patches buried in other objects: row sum below 0.1 before the closure, or more than 0.9 of their hemisphere in
+  /// backs. Left out of the closure (d = 1; what the others see of them counts towards the others' row sums). Empty
+  /// where no closure was applied.
+  std::vector<std::uint32_t> set_aside;
   std::vector<double> row_sum;  ///< after closure, one per patch
   std::vector<std::string> warnings;
   std::uint64_t pairs_considered = 0;  ///< i < j that face each other, at least in part

@@ -60,8 +60,8 @@ class Balance {
     }
   }
 
-  /// One Newton step: conjugate gradients on the Hessian, preconditioned by its diagonal part, to a tenth of what the
-  /// next row sums can resolve. No component of ln d moves by more than 1.
+  /// One Newton step: conjugate gradients on the Hessian, preconditioned by its diagonal part, until the linear
+  /// residual is a few percent of the present one. No component of ln d moves by more than 1.
   void newton_step(double target) {
     const std::size_t n = d.size();
     std::vector<double> step(n), r(n), z(n), p(n);
@@ -73,7 +73,7 @@ class Balance {
       rz += r[i] * z[i];
     }
     start = rz;
-    const double enough = std::max(0.01 * residual, 0.2 * target);
+    const double enough = std::max(0.03 * residual, 0.3 * target);
     for (int k = 0; k < 12 && rz > 0 && rz > 1e-6 * start; ++k) {
       const std::vector<double> hp = hessian(p);
       double php = 0;

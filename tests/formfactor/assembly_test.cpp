@@ -139,6 +139,28 @@ TEST(Assembly, BuriedPatchesAreSetAsideAndNamed) {
   EXPECT_TRUE(named);
 }
 
+TEST(Assembly, ATwoSidedPlateHasNoBack) {
+  Builder b;
+  b.part("walls").box({0, 0, 0}, {2, 2, 2}, true, 4);
+  b.part("front").plate({0.5, 0.5, 1}, {1, 0, 0}, {0, 1, 0}, 2);
+  EXPECT_GT(assemble(b.mesh()).report.back_fraction, 0.01);
+  // The same triangles turned around, sharing their vertices, as subdivide() makes them.
+  b.part("behind");
+  const PatchMesh& mesh = b.mesh();
+  for (std::size_t i = 0, n = mesh.size(); i < n; ++i) {
+    const auto t = mesh.triangle(i);
+    if (mesh.surface[i] == 1) b.triangle(t[0], t[2], t[1]);
+  }
+  const FormFactors f = assemble(mesh);
+  EXPECT_EQ(f.report.back_fraction, 0);
+  EXPECT_TRUE(f.report.closed_scene);
+  EXPECT_NEAR(f.report.before.mean, 1, 2e-3);
+  const GroupFactors groups = between(f.matrix, mesh, b.grouping());
+  EXPECT_EQ(groups.factors[1][2], 0) << "the two sides do not see each other";
+  EXPECT_NEAR(groups.factors[1][0], 1, 1e-4);
+  EXPECT_NEAR(groups.factors[2][0], 1, 1e-4);
+}
+
 TEST(Assembly, TooLittleMemoryIsSaidBeforeAnyWork) {
   const Builder b = room();
   AssemblyOptions options;
