@@ -28,7 +28,9 @@ class Offenders {
   void add(const Name& name) {
     constexpr std::size_t most_named = 3;
     ++finding_.count;
-    if (finding_.first.size() < most_named) finding_.first.push_back(name());
+    if (finding_.first.size() == most_named) return;
+    std::string text = name();
+    if (finding_.first.empty() || finding_.first.back() != text) finding_.first.push_back(std::move(text));
   }
   void report(std::vector<Finding>& out) && {
     if (finding_.count > 0) out.push_back(std::move(finding_));
@@ -129,7 +131,7 @@ void check_duplicates(const Scene& scene, std::vector<Face>& faces, std::vector<
   std::sort(repeats.begin(), repeats.end());
   Offenders offenders(Severity::warning, "duplicate triangles");
   for (const auto& [later, original] : repeats) {
-    offenders.add([&] {
+    offenders.add([&, later = later, original = original] {  // Clang 14 captures no structured bindings
       return fmt::format("{} repeats {}", place_of(scene, faces[later].triangle),
                          place_of(scene, faces[original].triangle));
     });
