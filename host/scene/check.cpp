@@ -28,7 +28,9 @@ class Offenders {
   void add(const Name& name) {
     constexpr std::size_t most_named = 3;
     ++finding_.count;
-    if (finding_.first.size() < most_named) finding_.first.push_back(name());
+    if (finding_.first.size() == most_named) return;
+    std::string text = name();
+    if (finding_.first.empty() || finding_.first.back() != text) finding_.first.push_back(std::move(text));
   }
   void report(std::vector<Finding>& out) && {
     if (finding_.count > 0) out.push_back(std::move(finding_));

@@ -62,7 +62,9 @@ class Gltf {
     return add("images", {{"bufferView", add_view(bytes)}, {"mimeType", "image/png"}});
   }
   int add_texture(std::string_view bytes) { return add("textures", {{"source", add_image(bytes)}}); }
-  int add_mesh(const nlohmann::json& primitive) { return add("meshes", {{"primitives", {primitive}}}); }
+  int add_mesh(const nlohmann::json& primitive) {
+    return add("meshes", {{"primitives", nlohmann::json::array({primitive})}});
+  }
   /// A node in the scene.
   int add_root(const nlohmann::json& node) {
     const int index = add("nodes", node);
@@ -82,14 +84,14 @@ class Gltf {
   [[nodiscard]] std::string text() const {
     nlohmann::json all = json;
     if (!all.contains("buffers") && !binary_.empty()) {
-      all["buffers"] = {
-          {{"byteLength", binary_.size()}, {"uri", "data:application/octet-stream;base64," + base64(binary_)}}};
+      all["buffers"].push_back(
+          {{"byteLength", binary_.size()}, {"uri", "data:application/octet-stream;base64," + base64(binary_)}});
     }
     return all.dump();
   }
   [[nodiscard]] std::string glb() const {
     nlohmann::json all = json;
-    if (!all.contains("buffers")) all["buffers"] = {{{"byteLength", binary_.size()}}};
+    if (!all.contains("buffers")) all["buffers"].push_back({{"byteLength", binary_.size()}});
     std::string text = all.dump(), binary = binary_;
     text.resize((text.size() + 3) / 4 * 4, ' ');
     binary.resize((binary.size() + 3) / 4 * 4);

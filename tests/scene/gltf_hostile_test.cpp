@@ -132,7 +132,7 @@ TEST(GltfHostile, Buffers) {
   EXPECT_THAT(without("/bufferViews/0", "byteLength"), HasSubstr("'byteLength' is missing"));
   const auto buffer = [](const json& value) {
     Gltf file = good();
-    file.json["buffers"] = {value};
+    file.json["buffers"] = json::array({value});
     return message_of(file.text());
   };
   EXPECT_THAT(buffer({{"byteLength", 1000000}}), HasSubstr("buffer 0 has no 'uri'"));

@@ -71,8 +71,8 @@ TEST(Gltf, GlbIsTheSameAsText) {
 TEST(Gltf, TransformationsNest) {
   const double h = std::numbers::sqrt2 / 2;
   Gltf file;
-  const int root = file.add_triangle({{"translation", {10, 20, 30}}, {"rotation", {0, 0, h, h}}, {"scale", {2, 3, 4}}});
-  file.json["nodes"][root]["children"] = {1};
+  file.add_triangle({{"translation", {10, 20, 30}}, {"rotation", {0, 0, h, h}}, {"scale", {2, 3, 4}}});
+  file.json["nodes"].at(0)["children"] = {1};
   file.add("nodes", {{"mesh", 0}, {"matrix", {1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 5, 6, 7, 1}}});  // x to x, y to z
   const Scene scene = read(file);
   ASSERT_EQ(scene.triangles.size(), 2u);
@@ -162,7 +162,7 @@ TEST(Gltf, QuantisedPositions) {
   const int unit = file.add_accessor(testing::raw(std::vector<std::int8_t>{-128, 0, 0, 0, 127, 0, 0, 0, 0, -127, 0, 0}),
                                      5120, 3, "VEC3");
   file.json["bufferViews"][1]["byteStride"] = 4;
-  file.json["accessors"][unit]["normalized"] = true;
+  file.json["accessors"].at(1)["normalized"] = true;
   file.add_root({{"mesh", file.add_mesh({{"attributes", {{"POSITION", unit}}}})}});
   const Scene scene = read(file);
   EXPECT_EQ(corners(scene, 0), (std::array<Vec3, 3>{Vec3{0, 0, 0}, {300, 0, 0}, {0, -400, 0}}));
@@ -179,7 +179,7 @@ TEST(Gltf, SparseAccessor) {
       file.add("accessors", {{"componentType", 5126}, {"count", 3}, {"type", "VEC3"}, {"sparse", sparse}});
   file.add_root({{"mesh", file.add_mesh({{"attributes", {{"POSITION", zeros}}}})}});
   const int dense = file.floats({1, 1, 1, 2, 2, 2, 3, 3, 3}, "VEC3");
-  file.json["accessors"][dense]["sparse"] = sparse;
+  file.json["accessors"].at(1)["sparse"] = sparse;
   file.add_root({{"mesh", file.add_mesh({{"attributes", {{"POSITION", dense}}}})}});
   const Scene scene = read(file);
   EXPECT_EQ(corners(scene, 0), (std::array<Vec3, 3>{Vec3{0, 0, 0}, {4, 0, 0}, {0, 5, 0}}));
