@@ -105,14 +105,14 @@ void store(FormFactorMatrix& f, const PatchTable& patches, const PairTile& tile,
   const std::size_t height = std::min(block, patches.size - i0), width = std::min(block, patches.size - j0);
   for (std::size_t a = 0; a < height; ++a) {
     const auto row = f.row(static_cast<std::uint32_t>(i0 + a));
-    const double scale = 1 / patches.area[i0 + a];
+    const double scale = patches.area[i0 + a] > 0 ? 1 / patches.area[i0 + a] : 0;
     for (std::size_t b = rows == columns ? a + 1 : 0; b < width; ++b) {
       row[j0 + b] = static_cast<float>(tile.s(a, b) * scale);
     }
   }
   for (std::size_t b = 0; b < width; ++b) {
     const auto row = f.row(static_cast<std::uint32_t>(j0 + b));
-    const double scale = 1 / patches.area[j0 + b];
+    const double scale = patches.area[j0 + b] > 0 ? 1 / patches.area[j0 + b] : 0;
     for (std::size_t a = 0; a < (rows == columns ? b : height); ++a) {
       row[i0 + a] = static_cast<float>(tile.s(a, b) * scale);
     }
