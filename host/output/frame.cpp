@@ -160,7 +160,7 @@ void Framing::try_inside(Camera& best, double& score) const {
   constexpr double surrounded = 0.95;
   std::vector<Vec3> eyes;
   int free = 0, enclosed = 0;
-  for (const double height : {0.5, 0.62, 0.4}) {
+  for (const double height : {0.55, 0.62, 0.48}) {
     for (int k = 0; k < grid * grid; ++k) {
       const Vec3 eye = at((k % grid + 0.5) / grid, height, (k / grid + 0.5) / grid);
       const Surroundings around = surroundings(eye);

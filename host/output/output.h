@@ -32,7 +32,7 @@ struct Solution {
 /// per patch.
 [[nodiscard]] std::vector<std::array<Rgb, 3>> corner_radiosities(const PatchMesh& mesh,
                                                                  const std::vector<Rgb>& radiosity,
-                                                                 double crease = 0.6);
+                                                                 double crease = 0.8);
 
 /// How exposed radiosity becomes what a screen shows (see tone.h). Both keep the hue.
 enum class ToneMap {

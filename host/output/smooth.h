@@ -26,7 +26,7 @@ struct SmoothMesh {
 
 /// Finds the surfaces around every vertex. O(N log N) but for vertices with more than 64 patches around them, where
 /// only patches that share a whole edge are connected.
-[[nodiscard]] SmoothMesh smooth_mesh(const PatchMesh& mesh, double crease = 0.6);
+[[nodiscard]] SmoothMesh smooth_mesh(const PatchMesh& mesh, double crease = 0.8);
 
 /// The radiosity at each smooth vertex: area-weighted mean over its patches, hanging vertices interpolated.
 [[nodiscard]] std::vector<Rgb> smooth_radiosities(const SmoothMesh& smooth, const PatchMesh& mesh,
