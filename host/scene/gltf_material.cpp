@@ -82,8 +82,8 @@ Materials::Entry Materials::convert(const tinygltf::Material& material, int inde
     const Rgb average = mean(scene_.images[static_cast<std::size_t>(emittance.image)]);
     for (std::size_t c = 0; c < 3; ++c) m.emittance[c] *= average[c];
     emittance.image = -1;
-    scene_.warnings.push_back(fmt::format(
-        "{}: {}: its two textures have different coordinates; the emissive one is averaged", document_.file, who));
+    scene_.warnings.emplace_back(
+        fail(who, "its two textures have different coordinates; the emissive one is averaged").what());
   }
   m.reflectance_image = reflectance.image;
   m.emittance_image = emittance.image;
