@@ -1,5 +1,6 @@
 #include "program.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -16,8 +17,13 @@ namespace {
 
 std::string quoted(const std::string& text) {
   std::string out = "'";
-  for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return out + "'";
+  for (const char c : text) {
+    if (c == '\'') out.append("'\\'");
+    out.push_back(c);
+    if (c == '\'') out.push_back('\'');
+  }
+  out.push_back('\'');
+  return out;
 }
 
 }  // namespace
@@ -34,10 +40,10 @@ std::vector<std::string> Outcome::error_lines() const {
 Outcome run_program(const std::vector<std::string>& arguments, const std::vector<std::string>& environment) {
   const Folder folder;
   std::string command = "env";
-  for (const std::string& variable : environment) command += " " + quoted(variable);
-  command += " " + quoted(INTERFLECT_PROGRAM);
-  for (const std::string& argument : arguments) command += " " + quoted(argument);
-  command += " >" + quoted(folder.file("out")) + " 2>" + quoted(folder.file("err")) + " </dev/null";
+  for (const std::string& variable : environment) command += fmt::format(" {}", quoted(variable));
+  command += fmt::format(" {}", quoted(INTERFLECT_PROGRAM));
+  for (const std::string& argument : arguments) command += fmt::format(" {}", quoted(argument));
+  command += fmt::format(" >{} 2>{} </dev/null", quoted(folder.file("out")), quoted(folder.file("err")));
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), content_of(folder.file("out")),
           content_of(folder.file("err"))};
