@@ -12,6 +12,7 @@
 #include "interflect/device/registry.h"
 #include "report.h"
 #include "study.h"
+#include "validators.h"
 
 namespace interflect::cli {
 
@@ -114,7 +115,7 @@ void add_bench(CLI::App& program, Action& action) {
   command.add_option("--json", options->json, "write the rows as JSON");
   command.add_option("--csv", options->csv, "write the rows as CSV");
   command.add_option("--repetitions", options->repetitions, "timed passes of each")
-      ->check(CLI::Range(1U, 1000U))
+      ->check(number(0U, 1000U))
       ->capture_default_str();
   command.add_flag("--quiet", options->quiet, "no progress and no warnings");
   command.callback([options, &action] { action = [options] { return run(*options); }; });

@@ -23,6 +23,9 @@ int usage(const CLI::App& program, const CLI::ParseError& error) {
   const auto chosen = program.get_subcommands();
   const std::string command = chosen.empty() ? "interflect" : "interflect " + chosen.front()->get_name();
   std::string message = error.what();
+  if (chosen.empty() && !program.remaining().empty()) {
+    message = fmt::format("'{}' is not a command", program.remaining().front());
+  }
   for (char& c : message) c = c == '\n' ? ' ' : c;
   return fail(ErrorKind::usage, fmt::format("{} (see '{} --help')", message, command));
 }

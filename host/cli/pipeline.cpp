@@ -8,15 +8,19 @@
 
 #include "interflect/base/error.h"
 #include "interflect/base/timer.h"
+#include "validators.h"
 
 namespace interflect::cli {
 
 void add_scene_options(CLI::App& command, SceneOptions& options) {
   command.add_option("SCENE", options.file, "scene: .xml (rrv), .obj, .gltf or .glb")->required();
-  auto* divide = command.add_option("--divide", options.divide,
-                                    "split triangles into four until their area is at most this (default: as many "
-                                    "patches as come nearest to 5000)");
+  auto* divide = command
+                     .add_option("--divide", options.divide,
+                                 "split triangles into four until their area is at most this (default: as many "
+                                 "patches as come nearest to 5000)")
+                     ->check(number(0.0));
   command.add_option("--patches", options.patches, "choose the area whose patch count comes nearest to this")
+      ->check(number<std::uint64_t>(0))
       ->excludes(divide);
   command.add_flag("--two-sided", options.two_sided, "a patch on each side of every triangle");
   command.add_option("--closure", options.closure, "scale row sums to 1: auto (closed scenes), on, off")

@@ -14,6 +14,7 @@
 #include "parse.h"
 #include "pipeline.h"
 #include "report.h"
+#include "validators.h"
 
 namespace interflect::cli {
 
@@ -149,13 +150,13 @@ void add_solve(CLI::App& program, Action& action) {
       ->check(CLI::IsMember({"cg", "bicgstab", "jacobi"}))
       ->capture_default_str();
   command.add_option("--tol", options->stop.tolerance, "relative residual to reach in every channel")
-      ->check(CLI::Range(1e-15, 1.0))
+      ->check(number(0.0, 1.0))
       ->capture_default_str();
   auto* most = command.add_option("--max-iterations", options->stop.max_iterations, "give up after so many")
-                   ->check(CLI::Range(0U, 10'000'000U))
+                   ->check(count(10'000'000))
                    ->capture_default_str();
   command.add_option("--iterations", options->stop.iterations, "exactly so many iterations, whatever the residual")
-      ->check(CLI::Range(0U, 10'000'000U))
+      ->check(count(10'000'000))
       ->excludes(most);
   command.add_option("--storage", options->storage, "storage of the form factors: auto, dense32")
       ->check(CLI::IsMember({"auto", "dense32"}))
@@ -164,12 +165,12 @@ void add_solve(CLI::App& program, Action& action) {
   command.add_option("--up", options->up, "the camera's up: X,Y,Z")->capture_default_str();
   command.add_option("--size", options->size, "picture size: WIDTHxHEIGHT")->capture_default_str();
   command.add_option("--exposure", options->exposure, "factor on the radiosity before the tone curve")
-      ->check(CLI::PositiveNumber);
+      ->check(number(0.0));
   command.add_option("--tone", options->tone, "tone curve: linear, filmic")
       ->check(CLI::IsMember({"linear", "filmic"}))
       ->capture_default_str();
   command.add_option("--samples", options->samples, "samples per pixel")
-      ->check(CLI::Range(1U, 4096U))
+      ->check(number(0U, 4096U))
       ->capture_default_str();
   command.callback([options, &action] { action = [options] { return run(*options); }; });
 }

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <charconv>
+#include <limits>
+#include <string>
+
+namespace interflect::cli {
+
+/// A finite number above `above` and at most `most`. CLI11's own checks let NaN and wrapped negative numbers through.
+template <typename T>
+[[nodiscard]] CLI::Validator number(T above, T most = std::numeric_limits<T>::max()) {
+  return CLI::Validator(
+      [above, most](std::string& text) {
+        T value{};
+        const char* const end = text.data() + text.size();
+        const auto [next, status] = std::from_chars(text.data(), end, value);
+        if (status == std::errc{} && next == end && value > above && value <= most) return std::string{};
+        return fmt::format("'{}' is not a number above {}{}", text, above,
+                           most == std::numeric_limits<T>::max() ? "" : fmt::format(" and at most {}", most));
+      },
+      "NUMBER");
+}
+
+/// A count from 0 to `most`.
+[[nodiscard]] inline CLI::Validator count(std::uint32_t most) {
+  return CLI::Validator(
+      [most](std::string& text) {
+        std::uint32_t value = 0;
+        const char* const end = text.data() + text.size();
+        const auto [next, status] = std::from_chars(text.data(), end, value);
+        if (status == std::errc{} && next == end && value <= most) return std::string{};
+        return fmt::format("'{}' is not a count from 0 to {}", text, most);
+      },
+      "COUNT");
+}
+
+}  // namespace interflect::cli
