@@ -14,3 +14,5 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/InterflectConfigVersion.c
 install(FILES ${PROJECT_BINARY_DIR}/InterflectConfig.cmake ${PROJECT_BINARY_DIR}/InterflectConfigVersion.cmake
   DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Interflect)
 install(FILES LICENSE README.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(DIRECTORY scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/interflect/scenes
+  FILES_MATCHING PATTERN "*.obj" PATTERN "*.mtl" PATTERN "README.md")
