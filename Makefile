@@ -1,5 +1,5 @@
 # The two commands of a newcomer: `make demo` and `make test`. Everything else is CMake with its presets.
-.PHONY: deps build demo test asan format tidy clean
+.PHONY: deps build demo test asan install format tidy clean
 
 deps:
 	@scripts/install-deps.sh
@@ -10,22 +10,25 @@ build/release/build.ninja: | deps
 build: deps build/release/build.ninja
 	cmake --build --preset release
 
-demo: build
+demo: deps build/release/build.ninja
+	cmake --build --preset release --target interflect-program
 	@mkdir -p out
 	build/release/bin/interflect solve scenes/cornell-box.obj --patches 5000 \
 	  -o out/cornell-box.png -o out/cornell-box.glb --report out/cornell-box.json
 	@echo "The picture is $(CURDIR)/out/cornell-box.png; the mesh beside it opens in Blender or any glTF viewer."
 
+# All tests, then all of them again under the sanitizers, with the fuzzers.
 test: build
-	ctest --preset release
-	cmake --preset asan
-	cmake --build --preset asan
-	ctest --preset asan
+	ctest --preset release -j 2
+	$(MAKE) asan
 
 asan: deps
 	cmake --preset asan
 	cmake --build --preset asan
-	ctest --preset asan
+	ctest --preset asan -j 2
+
+install: build
+	cmake --install build/release
 
 format:
 	git ls-files '*.h' '*.cpp' | xargs clang-format-14 -i
