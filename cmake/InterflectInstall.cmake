@@ -13,6 +13,7 @@ configure_package_config_file(cmake/InterflectConfig.cmake.in ${PROJECT_BINARY_D
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/InterflectConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/InterflectConfig.cmake ${PROJECT_BINARY_DIR}/InterflectConfigVersion.cmake
   DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Interflect)
+install(DIRECTORY scenes DESTINATION ${CMAKE_INSTALL_DATADIR}/interflect)  # bench --study looks for them there
 install(FILES LICENSE README.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/interflect/scenes
   FILES_MATCHING PATTERN "*.obj" PATTERN "*.mtl" PATTERN "README.md")

@@ -9,15 +9,18 @@
 
 namespace interflect {
 
-/// The whole content of a regular file. Throws an input Error when it cannot be opened or read, is a folder, or is
-/// larger than `limit` bytes (the default bounds what a reader will ever be asked to parse).
+/// The whole content of a regular file. Throws an input Error when it cannot be opened or read, is a folder, a
+/// pipe or a device (never waits for one), or is larger than `limit` bytes (the default bounds what a reader will ever
+/// be asked to parse).
 [[nodiscard]] std::string read_file(const std::filesystem::path& path, std::uintmax_t limit = std::uintmax_t{1} << 32);
 
 /// A file that appears whole under its final name or not at all: written under a temporary name in the same folder,
 /// synced and renamed by commit(), removed by the destructor when commit() was not reached.
 class AtomicFile {
  public:
-  /// Opens the temporary file. Throws an input Error when the folder is missing or not writable.
+  /// Opens the temporary file. A path that is a symbolic link stands for its target. Throws an input Error when the
+  /// folder is missing or not writable, and when the path is there but is a folder, a pipe, a device or
+  /// write-protected.
   explicit AtomicFile(std::filesystem::path path);
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
@@ -35,6 +38,11 @@ class AtomicFile {
   std::filesystem::path path_;
   std::filesystem::path temporary_;
   int descriptor_ = -1;
+  int entry_ = -1;  ///< in the list of temporary files that a signal removes
 };
+
+/// From now on SIGINT, SIGTERM and SIGHUP remove the temporary files of this process before they end it. For programs;
+/// a library leaves signals alone.
+void remove_temporaries_on_signals();
 
 }  // namespace interflect

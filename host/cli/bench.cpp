@@ -76,11 +76,15 @@ void write_files(const Options& options, const nlohmann::ordered_json& head, con
 
 int run(const Options& options) {
   Console console(options.quiet);
+  for (const std::string& file : {options.json, options.csv}) {
+    if (!file.empty()) const AtomicFile probe(file);  // found before the work: it cannot be written
+  }
   const DeviceInfo info = open_device(options.device)->info();
   const std::string folder = scenes_folder(options.scenes);
   if (options.study) {
-    fmt::print("{}", study_table(folder, info.id, std::max(1U, options.repetitions / 3), console));
-    return 0;
+    const StudyTable table = study_table(folder, info.id, std::max(1U, options.repetitions / 3), console);
+    fmt::print("{}", table.text);
+    return table.verified ? 0 : exit_status(ErrorKind::device);
   }
   const auto head = header(info, options.repetitions);
   fmt::print("{} ({}), {}, {} compute units, {} repetitions\n{}", info.id, info.name, info.driver, info.compute_units,
@@ -107,13 +111,15 @@ int run(const Options& options) {
 void add_bench(CLI::App& program, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App& command = *program.add_subcommand("bench", "measure a device: bandwidth, products, solves, each verified");
-  command.add_flag("--study", options->study, "print the 2014 study's first table with our figures beside");
+  auto* study =
+      command.add_flag("--study", options->study, "print the 2014 study's first table with our figures beside");
   command.add_option("--device", options->device, "device id")->capture_default_str();
   command.add_option("--scenes", options->scenes, "folder with the rooms");
   command.add_option("--room", options->rooms, "only the room with so many patches (may be given several times)")
-      ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}));
-  command.add_option("--json", options->json, "write the rows as JSON");
-  command.add_option("--csv", options->csv, "write the rows as CSV");
+      ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}))
+      ->excludes(study);
+  command.add_option("--json", options->json, "write the rows as JSON")->check(file_name())->excludes(study);
+  command.add_option("--csv", options->csv, "write the rows as CSV")->check(file_name())->excludes(study);
   command.add_option("--repetitions", options->repetitions, "timed passes of each")
       ->check(number(0U, 1000U))
       ->capture_default_str();

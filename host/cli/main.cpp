@@ -6,6 +6,7 @@
 
 #include "commands.h"
 #include "interflect/base/error.h"
+#include "interflect/base/file.h"
 
 namespace {
 
@@ -45,6 +46,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return usage(program, error);
   }
+  interflect::remove_temporaries_on_signals();
   const int status = action();
   // A full disk or a closed pipe shows when the results are flushed.
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) return fail(ErrorKind::input, "cannot write to stdout");

@@ -27,7 +27,7 @@ void add_scene_options(CLI::App& command, SceneOptions& options) {
       ->check(CLI::IsMember({"auto", "on", "off"}));
   command.add_option("--group-by", options.group_by, "what the groups are: auto, object, group, material")
       ->check(CLI::IsMember({"auto", "object", "group", "material"}));
-  command.add_flag("--quiet", options.quiet, "no progress and no warnings");
+  command.add_flag("--quiet", options.quiet, "no progress, no warnings; solve: no summary either");
 }
 
 namespace {
@@ -42,12 +42,21 @@ GroupBy group_by(const std::string& name) {
   return names.at(name);
 }
 
-void report_findings(const Scene& scene, bool two_sided, ProgressSink& progress) {
-  for (const std::string& warning : scene.warnings) progress.message("warning: " + warning);
+/// The line with the scene's name in front, if it does not name a place in it already.
+std::string with_file(const Scene& scene, const std::string& line) {
+  return line.starts_with(scene.file + ":") ? line : fmt::format("{}: {}", scene.file, line);
+}
+
+std::vector<std::string> report_findings(const Scene& scene, bool two_sided, ProgressSink& progress) {
+  std::vector<std::string> warnings = scene.warnings;
+  for (const std::string& warning : warnings) progress.message("warning: " + warning);
   for (const Finding& finding : check_scene(scene, two_sided)) {
-    if (finding.severity == Finding::Severity::error) throw input_error(scene.file, 0, finding.line());
-    progress.message(fmt::format("warning: {}: {}", scene.file, finding.line()));
+    const std::string line = with_file(scene, finding.line());
+    if (finding.severity == Finding::Severity::error) throw Error(ErrorKind::input, line);
+    progress.message("warning: " + line);
+    warnings.push_back(line);
   }
+  return warnings;
 }
 
 }  // namespace
@@ -56,7 +65,7 @@ MeshedScene load(const SceneOptions& options, ProgressSink& progress) {
   MeshedScene loaded;
   Timer timer;
   loaded.scene = read_scene(options.file);
-  report_findings(loaded.scene, options.two_sided, progress);
+  loaded.warnings = report_findings(loaded.scene, options.two_sided, progress);
   loaded.read_seconds = timer.seconds();
 
   timer.restart();

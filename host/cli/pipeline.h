@@ -30,6 +30,7 @@ struct MeshedScene {
   Scene scene;
   PatchMesh mesh;
   Grouping grouping;
+  std::vector<std::string> warnings;  ///< the reader's and the input check's, one line each
   double divide = 0;
   double read_seconds = 0, mesh_seconds = 0;
 };

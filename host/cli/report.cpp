@@ -75,6 +75,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["method"] = std::string(name(summary.method));
   out["tolerance"] = summary.stop.tolerance;
   out["converged"] = report.converged;
+  if (!report.converged) out["reason"] = report.reason;
   out["iterations"] = report.iterations;
   out["products"] = report.products;
   out["relative_residual"] = report.relative_residual;
@@ -94,7 +95,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["assembly"] = {{"pairs_considered", factors.report.pairs_considered},
                      {"pairs_analytic", factors.report.pairs_analytic},
                      {"rays", factors.report.rays}};
-  out["warnings"] = loaded.scene.warnings;
+  out["warnings"] = loaded.warnings;
   for (const std::string& warning : factors.report.warnings) out["warnings"].push_back(warning);
   return out;
 }

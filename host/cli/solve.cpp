@@ -9,6 +9,7 @@
 #include "console.h"
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
+#include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
 #include "interflect/device/registry.h"
 #include "parse.h"
@@ -39,8 +40,25 @@ Method method_of(const std::string& text) {
 
 constexpr std::array extensions{".png", ".exr", ".ply", ".glb", ".csv", ".npy", ".json"};
 
+/// In lower case.
 std::string extension_of(const std::string& path) {
-  return std::filesystem::path(path).extension().string();
+  std::string extension = std::filesystem::path(path).extension().string();
+  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return extension;
+}
+
+bool is_picture(const std::string& path) {
+  return extension_of(path) == ".png" || extension_of(path) == ".exr";
+}
+
+/// One and the same file, however it is spelled.
+bool same_file(const std::string& a, const std::string& b) {
+  std::error_code missing;
+  if (std::filesystem::equivalent(a, b, missing)) return true;
+  const auto whole = [&](const std::string& path) {
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(path, missing), missing);
+  };
+  return whole(a) == whole(b);
 }
 
 /// Everything about the outputs that can be wrong before the work starts.
@@ -55,8 +73,11 @@ void check_outputs(const Options& options) {
     }
   }
   for (std::size_t k = 0; k < files.size(); ++k) {
-    if (std::find(files.begin(), files.begin() + static_cast<std::ptrdiff_t>(k), files[k]) !=
-        files.begin() + static_cast<std::ptrdiff_t>(k)) {
+    if (same_file(files[k], options.scene.file)) {
+      throw Error(ErrorKind::usage, fmt::format("{} is the scene: an output would destroy it", files[k]));
+    }
+    for (std::size_t earlier = 0; earlier < k; ++earlier) {
+      if (!same_file(files[k], files[earlier])) continue;
       throw Error(ErrorKind::usage, fmt::format("{} is named twice as an output", files[k]));
     }
     const AtomicFile probe(files[k]);  // the folder is there and can be written to
@@ -75,14 +96,30 @@ PictureOptions picture_options(const Options& options, const Scene& scene) {
   return picture;
 }
 
-void write_outputs(const Options& options, const SolveSummary& summary) {
+/// A malformed --size or --camera, and a picture that will not fit, are found before the work.
+void check_picture(const Options& options) {
+  const PictureOptions picture = picture_options(options, Scene{});
+  if (std::none_of(options.outputs.begin(), options.outputs.end(), is_picture)) return;
+  // Linear and displayed values in single precision, then the bytes of one file, plain and packed.
+  constexpr std::uint64_t bytes_per_pixel = 2 * 3 * sizeof(float) + 2 * 3 * sizeof(std::uint16_t);
+  const std::uint64_t needed = bytes_per_pixel * picture.width * picture.height;
+  const std::uint64_t available = available_memory();
+  if (needed <= available) return;
+  constexpr double mebibyte = 1 << 20;
+  throw Error(
+      ErrorKind::limit,
+      fmt::format("--size {}: the picture needs {:.0f} MiB, and {:.0f} MiB may be used: use a smaller one",
+                  options.size, static_cast<double>(needed) / mebibyte, static_cast<double>(available) / mebibyte));
+}
+
+void write_outputs(const Options& options, const SolveSummary& summary, ProgressSink& progress) {
   const MeshedScene& loaded = *summary.loaded;
   Solution solution{&loaded.mesh, loaded.grouping, summary.solved->radiosity, summary.factors->report.row_sum};
   const PictureOptions picture = picture_options(options, loaded.scene);
   std::optional<Picture> rendered;  // one for .png and .exr together
   for (const std::string& file : options.outputs) {
     const std::string extension = extension_of(file);
-    if ((extension == ".png" || extension == ".exr") && !rendered) rendered = render(solution, picture);
+    if (is_picture(file) && !rendered) rendered = render(solution, picture, &progress);
     if (extension == ".png") write_png(*rendered, picture.tone, file);
     if (extension == ".exr") write_exr(*rendered, file);
     if (extension == ".ply") write_ply(solution, file);
@@ -102,7 +139,7 @@ int run(const Options& options) {
   const Timer total;
   Console console(options.scene.quiet);
   check_outputs(options);
-  (void)picture_options(options, Scene{});  // a malformed --size or --camera is found before the work
+  check_picture(options);
   std::unique_ptr<Device> device = open_device(options.device);  // and so is a device that is not there
 
   const MeshedScene loaded = load(options.scene, console);
@@ -113,7 +150,7 @@ int run(const Options& options) {
   SolveSummary summary{&loaded, &factors, &solved, method, options.stop, {}, 0, 0};
   summary.energy = energy_balance(factors.matrix, loaded.mesh, solved.radiosity, factors.report.row_sum);
   const Timer writing;
-  write_outputs(options, summary);
+  write_outputs(options, summary, console);
   summary.write_seconds = writing.seconds();
   summary.total_seconds = total.seconds();
   for (const std::string& file : options.outputs) {
@@ -127,9 +164,7 @@ int run(const Options& options) {
     if (!options.report.empty()) fmt::print("wrote          {}\n", options.report);
   }
   if (solved.report.converged || options.stop.iterations) return 0;
-  fmt::print(stderr, "interflect: not converged: relative residual {:.2e} after {} iterations, asked for {:.2e}\n",
-             *std::max_element(solved.report.relative_residual.begin(), solved.report.relative_residual.end()),
-             solved.report.iterations, options.stop.tolerance);
+  fmt::print(stderr, "interflect: not converged: {}\n", solved.report.reason);
   return exit_status(ErrorKind::not_converged);
 }
 
@@ -144,7 +179,7 @@ void add_solve(CLI::App& program, Action& action) {
                   "output, by extension: .png .exr .ply .glb .csv .npy .json (may be given several times)")
       ->type_size(1)
       ->allow_extra_args(false);
-  command.add_option("--report", options->report, "the report as JSON");
+  command.add_option("--report", options->report, "the report as JSON")->check(file_name());
   command.add_option("--device", options->device, "device id, see 'interflect devices'")->capture_default_str();
   command.add_option("--method", options->method, "cg, bicgstab or jacobi")
       ->check(CLI::IsMember({"cg", "bicgstab", "jacobi"}))
@@ -161,8 +196,9 @@ void add_solve(CLI::App& program, Action& action) {
   command.add_option("--storage", options->storage, "storage of the form factors: auto, dense32")
       ->check(CLI::IsMember({"auto", "dense32"}))
       ->capture_default_str();
-  command.add_option("--camera", options->camera, "EX,EY,EZ,TX,TY,TZ[,FOV]: eye, target, vertical degrees");
-  command.add_option("--up", options->up, "the camera's up: X,Y,Z")->capture_default_str();
+  auto* camera =
+      command.add_option("--camera", options->camera, "EX,EY,EZ,TX,TY,TZ[,FOV]: eye, target, vertical degrees");
+  command.add_option("--up", options->up, "the camera's up: X,Y,Z")->needs(camera)->capture_default_str();
   command.add_option("--size", options->size, "picture size: WIDTHxHEIGHT")->capture_default_str();
   command.add_option("--exposure", options->exposure, "factor on the radiosity before the tone curve")
       ->check(number(0.0));

@@ -42,10 +42,14 @@ double largest_difference(const std::vector<Rgb>& a, const std::vector<Rgb>& b) 
   return largest > 0 ? difference / largest : difference;
 }
 
+bool right(const MethodResult& result, const MethodResult& reference) {
+  return result.report.converged && largest_difference(result.radiosity, reference.radiosity) <= 1e-5;
+}
+
 std::string cell(const MethodResult& result, const MethodResult& reference) {
   if (!result.report.converged) return fmt::format("{:>4} not converged", result.report.iterations);
   const double difference = largest_difference(result.radiosity, reference.radiosity);
-  if (!(difference <= 1e-5)) return fmt::format("{:>4} WRONG by {:.1e}", result.report.iterations, difference);
+  if (!right(result, reference)) return fmt::format("{:>4} WRONG by {:.1e}", result.report.iterations, difference);
   return fmt::format("{:>4} {:>9.4f}", result.report.iterations, median(result.seconds));
 }
 
@@ -82,9 +86,10 @@ std::string scenes_folder(const std::string& given) {
                                             study_rooms().front().file, candidates.front().string()));
 }
 
-std::string study_table(const std::string& rooms, const std::string& device, unsigned repetitions,
-                        ProgressSink& progress) {
-  std::string out =
+StudyTable study_table(const std::string& rooms, const std::string& device, unsigned repetitions,
+                       ProgressSink& progress) {
+  StudyTable out;
+  out.text =
       "patches |  Jacobi it, s  |  BiCGSTAB it, s |    CG it, s    | study: Jacobi it, s | BiCG-STAB it, s | form "
       "factors, s\n";
   for (std::size_t k = 0; k < study_rooms().size(); ++k) {
@@ -105,10 +110,11 @@ std::string study_table(const std::string& rooms, const std::string& device, uns
         results.at(m).radiosity = std::move(solved.radiosity);
       }
     }
-    out += fmt::format("{:>7} | {} |  {} | {} | {:>12} {:>6.3f} | {:>8} {:>6.3f} | {:>9.2f}\n", loaded.mesh.size(),
-                       cell(results[0], results[2]), cell(results[1], results[2]), cell(results[2], results[2]),
-                       then.jacobi_iterations, then.jacobi_seconds, then.bicgstab_iterations, then.bicgstab_seconds,
-                       factors.report.seconds);
+    for (const MethodResult& result : results) out.verified = out.verified && right(result, results[2]);
+    out.text += fmt::format("{:>7} | {} |  {} | {} | {:>12} {:>6.3f} | {:>8} {:>6.3f} | {:>9.2f}\n", loaded.mesh.size(),
+                            cell(results[0], results[2]), cell(results[1], results[2]), cell(results[2], results[2]),
+                            then.jacobi_iterations, then.jacobi_seconds, then.bicgstab_iterations,
+                            then.bicgstab_seconds, factors.report.seconds);
   }
   return out;
 }

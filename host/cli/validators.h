@@ -24,6 +24,11 @@ template <typename T>
       "NUMBER");
 }
 
+/// The name of a file to write.
+[[nodiscard]] inline CLI::Validator file_name() {
+  return CLI::Validator([](std::string& text) { return text.empty() ? "a file name is needed" : ""; }, "FILE");
+}
+
 /// A count from 0 to `most`.
 [[nodiscard]] inline CLI::Validator count(std::uint32_t most) {
   return CLI::Validator(

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "interflect/base/progress.h"
 #include "interflect/base/vec3.h"
 #include "interflect/scene/patch_mesh.h"
 #include "interflect/scene/scene.h"
@@ -73,7 +74,7 @@ struct Picture {
 /// Where nothing is met the picture is black. Radiosities that are not finite, or negative, show black.
 /// Throws a usage Error for a size of 0 or above 32,768, no samples, an exposure that is not finite and positive, or a
 /// camera that does not look anywhere.
-[[nodiscard]] Picture render(const Solution& solution, const PictureOptions& options);
+[[nodiscard]] Picture render(const Solution& solution, const PictureOptions& options, ProgressSink* progress = nullptr);
 
 /// Writers. The file appears whole under its final name or not at all; an input Error names it otherwise.
 

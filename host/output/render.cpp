@@ -134,7 +134,7 @@ void paint_pixel(const Painter& painter, const Lens& lens, const std::vector<Vec
 
 }  // namespace
 
-Picture render(const Solution& solution, const PictureOptions& options) {
+Picture render(const Solution& solution, const PictureOptions& options, ProgressSink* progress) {
   check_solution(solution);
   check_options(options);
   const Painter painter(solution, options);
@@ -147,12 +147,15 @@ Picture render(const Solution& solution, const PictureOptions& options) {
   picture.pixels.resize(std::size_t{3} * options.width * options.height);
   picture.display.resize(picture.pixels.size());
   const std::vector<Vec2> points = sample_points(options.samples);
+  if (progress != nullptr) progress->begin("Picture", options.height);
 #pragma omp parallel for schedule(dynamic, 4)
   for (std::uint32_t y = 0; y < options.height; ++y) {
     for (std::uint32_t x = 0; x < options.width; ++x) {
       paint_pixel(painter, lens, points, x, y, picture);
     }
+    if (progress != nullptr) progress->advance(1);
   }
+  if (progress != nullptr) progress->end();
   return picture;
 }
 

@@ -26,16 +26,23 @@ class Sight {
   [[nodiscard]] std::optional<Seen> front(Vec3 eye, Vec3 direction) const;
 
   /// The diagonal of the scene's bounding box, and its corners.
-  [[nodiscard]] double extent() const { return length(high_ - low_); }
-  [[nodiscard]] Vec3 low() const { return low_; }
-  [[nodiscard]] Vec3 high() const { return high_; }
+  [[nodiscard]] double extent() const { return box_.extent(); }
+  [[nodiscard]] Vec3 low() const { return box_.low; }
+  [[nodiscard]] Vec3 high() const { return box_.high; }
 
  private:
-  [[nodiscard]] std::optional<Seen> next(Vec3 eye, Vec3 direction, float near) const;
+  [[nodiscard]] std::optional<Seen> next(Vec3 eye, Vec3 direction, double near) const;
+
+  struct Box {
+    explicit Box(const PatchMesh& mesh);
+    [[nodiscard]] double extent() const { return length(high - low); }
+    Vec3 low, high, centre;
+    double scale = 1;  ///< 1 / extent
+  };
 
   const PatchMesh& mesh_;
-  Vec3 low_, high_;
-  Visibility visibility_;
+  Box box_;
+  Visibility visibility_;            ///< of the scene moved by -centre and scaled to an extent of 1
   std::vector<std::uint32_t> twin_;  ///< the patch on the other side of the same triangle, or the patch itself
 };
 

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdint>
 #include <iterator>
-#include <limits>
 #include <tuple>
 
 #include "interflect/base/error.h"
@@ -51,7 +50,7 @@ void check_materials(const Scene& scene, std::vector<Finding>& out) {
     if ((e[0] > 0 || e[1] > 0 || e[2] > 0) && !degenerate(scene, scene.triangles[i])) emits = true;
   }
   Offenders reflectance(Severity::error, "materials with a reflectance outside [0, 1]");
-  Offenders emittance(Severity::error, "materials with a negative or non-finite emittance");
+  Offenders emittance(Severity::error, "materials with a negative, huge (above 1e30) or non-finite emittance");
   for (std::size_t m = 0; m < scene.materials.size(); ++m) {
     if (user[m] == unused) continue;
     const Material& material = scene.materials[m];
@@ -63,7 +62,7 @@ void check_materials(const Scene& scene, std::vector<Finding>& out) {
     const auto physical = [](double v, double most) { return v >= 0 && v <= most; };
     const Rgb &r = material.reflectance, &e = material.emittance;
     if (!(physical(r[0], 1) && physical(r[1], 1) && physical(r[2], 1))) reflectance.add([&] { return name(r); });
-    constexpr double most = std::numeric_limits<double>::max();
+    constexpr double most = 1e30;  // radiosities, and sums of them, are to stay finite in single precision
     if (!(physical(e[0], most) && physical(e[1], most) && physical(e[2], most))) emittance.add([&] { return name(e); });
   }
   std::move(reflectance).report(out);

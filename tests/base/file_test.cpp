@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -120,6 +121,50 @@ TEST_F(AtomicFileTest, MissingFoldersAndFoldersAreErrors) {
   EXPECT_THAT(listing(), IsEmpty());
 }
 
+TEST_F(AtomicFileTest, PipesDevicesAndProtectedFilesAreNotReplaced) {
+  ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  EXPECT_THAT(message_of([&] { AtomicFile file(folder_ / "pipe"); }), HasSubstr("not a regular file"));
+  EXPECT_THAT(message_of([&] { AtomicFile file("/dev/null"); }), HasSubstr("not a regular file"));
+  EXPECT_THAT(listing(), ::testing::ElementsAre("pipe"));
+  if (::geteuid() == 0) return;  // root may write anything
+  std::ofstream(folder_ / "protected") << "old";
+  fs::permissions(folder_ / "protected", fs::perms::owner_read);
+  EXPECT_THAT(message_of([&] { AtomicFile file(folder_ / "protected"); }), HasSubstr("cannot replace"));
+}
+
+TEST_F(AtomicFileTest, ALinkIsFollowed) {
+  fs::create_directory(folder_ / "there");
+  std::ofstream(folder_ / "there" / "target") << "old";
+  fs::create_symlink("there/target", folder_ / "link");
+  fs::create_symlink("there/new", folder_ / "dangling");
+  fs::create_symlink("circle", folder_ / "circle");
+  for (const char* name : {"link", "dangling"}) {
+    AtomicFile file(folder_ / name);
+    file.write(std::string_view("new"));
+    file.commit();
+    EXPECT_TRUE(fs::is_symlink(folder_ / name)) << name;
+  }
+  EXPECT_EQ(read_file(folder_ / "there" / "target"), "new");
+  EXPECT_EQ(read_file(folder_ / "there" / "new"), "new");
+  EXPECT_THAT(message_of([&] { AtomicFile file(folder_ / "circle"); }), HasSubstr("circle: cannot create"));
+}
+
+TEST_F(AtomicFileTest, ASignalRemovesWhatIsNotFinished) {
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    remove_temporaries_on_signals();
+    AtomicFile finished(folder_ / "finished"), first(folder_ / "first"), second(folder_ / "second");
+    finished.commit();
+    ::raise(SIGTERM);
+    ::_exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGTERM) << status;
+  EXPECT_THAT(listing(), ::testing::ElementsAre("finished"));
+}
+
 TEST_F(AtomicFileTest, AFailedWriteIsAnErrorThatNamesTheFinalFile) {
   // What a full disk does, by a limit on the size of files.
   struct rlimit old {};
@@ -163,7 +208,12 @@ TEST_F(ReadFileTest, TheLimitIsKept) {
   EXPECT_EQ(read_file(folder_ / "ten", 10).size(), 10u);
   EXPECT_THAT(message_of([&] { (void)read_file(folder_ / "ten", 9); }),
               HasSubstr("ten: is larger than the limit of 9"));
-  EXPECT_THAT(message_of([&] { (void)read_file("/dev/zero", 1000); }), HasSubstr("limit of 1000"));
+}
+
+TEST_F(ReadFileTest, PipesAndDevicesAreRefusedWithoutWaiting) {
+  ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);  // without a writer: a plain open() would wait for ever
+  EXPECT_THAT(message_of([&] { (void)read_file(folder_ / "pipe"); }), HasSubstr("not a regular file"));
+  EXPECT_THAT(message_of([&] { (void)read_file("/dev/zero"); }), HasSubstr("not a regular file"));
 }
 
 TEST_F(ReadFileTest, MissingFilesAndFoldersAreErrors) {

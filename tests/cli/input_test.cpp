@@ -87,6 +87,41 @@ TEST(Input, MemoryIsPredictedAndRefused) {
   EXPECT_THAT(outcome.error_lines().front(), HasSubstr("--divide"));
 }
 
+TEST(Input, TheSceneIsNeverAnOutput) {
+  const Folder folder;
+  const std::string scene = folder.write("a.glb", "not read");
+  const std::string link = folder.file("link.glb");
+  std::filesystem::create_symlink("a.glb", link);
+  for (const std::string& output : {scene, link, folder.file("./a.glb")}) {
+    const Outcome outcome = run_program({"solve", scene, "-o", output});
+    EXPECT_EQ(outcome.status, 2) << output;
+    EXPECT_THAT(outcome.error_lines(), ElementsAre(HasSubstr("is the scene")));
+  }
+  EXPECT_EQ(content_of(scene), "not read");
+}
+
+TEST(Input, APictureThatWillNotFitIsALimit) {
+  const Outcome outcome =
+      run_program({"solve", scene_file("furnace.obj"), "--divide", "1", "--size", "16384x16384", "-o", "x.png"},
+                  {"INTERFLECT_MEMORY=1G"});
+  EXPECT_EQ(outcome.status, 6);
+  EXPECT_THAT(outcome.error_lines(), ElementsAre(HasSubstr("--size")));
+}
+
+TEST(Input, HugeEmittanceNamesTheMaterial) {
+  const Folder folder;
+  (void)folder.write("m.mtl", "newmtl sun\nKd 0.5 0 0\nKe 1e300 1 1\n");
+  const std::string file = folder.write("a.obj", "mtllib m.mtl\n" + triangle + "usemtl sun\nf 1 2 3\n");
+  expect_input_error(run_program({"solve", file}), "a.obj", "'sun'");
+}
+
+TEST(Input, BenchFindsAnUnwritableFileBeforeTheWork) {
+  const Folder folder;
+  const Outcome outcome = run_program({"bench", "--json", folder.file("none/a.json"), "--scenes", folder.file("")});
+  EXPECT_EQ(outcome.status, 3);
+  EXPECT_THAT(outcome.error_lines(), ElementsAre(HasSubstr("none/a.json")));
+}
+
 TEST(Input, TooManyPatchesIsALimit) {
   const Outcome outcome = run_program({"solve", scene_file("furnace.obj"), "--divide", "1e-12"});
   EXPECT_EQ(outcome.status, 6) << outcome.err;

@@ -92,6 +92,14 @@ TEST(Solve, TheReportHasWhatOtherProgramsRead) {
   EXPECT_FALSE(report.at("closure").at("closed_scene").get<bool>());
 }
 
+TEST(Solve, TheReportHasTheInputChecksWarnings) {
+  const Folder folder;
+  const std::string scene = folder.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 3\n");
+  const json report = report_of({scene, "--divide", "1", "--quiet"});
+  EXPECT_THAT(report.at("warnings").dump(),
+              ::testing::AllOf(HasSubstr("no surface emits"), HasSubstr("duplicate triangles: 1, first: line 5")));
+}
+
 TEST(Solve, EnergyBalancesInAClosedRoom) {
   const json report = report_of({scene_file("room-1312.obj"), "--divide", "1"});
   EXPECT_TRUE(report.at("closure").at("closed_scene").get<bool>());
@@ -139,7 +147,9 @@ TEST(Solve, UnconvergedIsSaidAndStillWritten) {
   EXPECT_EQ(outcome.status, 5);
   EXPECT_THAT(outcome.err, HasSubstr("not converged"));
   EXPECT_THAT(folder.names(), ElementsAre("b.ply", "r.json"));
-  EXPECT_FALSE(json::parse(content_of(folder.file("r.json"))).at("converged").get<bool>());
+  const json report = json::parse(content_of(folder.file("r.json")));
+  EXPECT_FALSE(report.at("converged").get<bool>());
+  EXPECT_THAT(report.at("reason").get<std::string>(), HasSubstr("limit of 3 iterations"));
 }
 
 TEST(Solve, WritesEveryFormatWhole) {

@@ -66,6 +66,42 @@ TEST(RenderTest, AUniformRoomGivesUniformPixels) {
   }
 }
 
+/// The same room, small, huge or far from the origin, gives the same picture.
+TEST(RenderTest, ScaleAndPlaceDoNotMatter) {
+  const auto picture = [](double scale, double offset) {
+    Scene scene = cube().scene();
+    for (Vec3& p : scene.positions) p = p * scale + Vec3{offset, offset, offset};
+    Lit lit(scene, 0.1 * scale * scale);
+    for (std::size_t i = 0; i < lit.mesh.size(); ++i) {
+      lit.solution.radiosity[i] = face_colour(lit.solution.grouping.of_surface[lit.mesh.surface[i]]);
+    }
+    const Vec3 origin{offset, offset, offset};
+    return render(lit.solution,
+                  small({origin + Vec3{0.3, 0.1, 0.2} * scale, origin + Vec3{-1, -0.4, 0.9} * scale, {0, 1, 0}, 1.2}));
+  };
+  const Picture plain = picture(1, 0);
+  for (const auto& [scale, offset] : {std::pair{1e-12, 0.0}, {1e20, 0.0}, {1.0, 1e6}, {1.0, -1e8}}) {
+    const Picture other = picture(scale, offset);
+    std::size_t different = 0;  // a pixel on an edge may fall to either side
+    for (std::size_t k = 0; k < plain.pixels.size(); ++k)
+      different += std::abs(plain.pixels[k] - other.pixels[k]) > 0.02F;
+    EXPECT_LE(different, plain.pixels.size() / 100) << scale << " " << offset;
+  }
+}
+
+TEST(RenderTest, AnEyeFarAwaySeesTheSceneOrNothing) {
+  SceneBuilder s;
+  s.quad("square", s.material(grey), {-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0});
+  Lit lit(s.scene(), 0.1);
+  lit.solution.radiosity.assign(lit.mesh.size(), {0.7, 0.5, 0.25});
+  for (const double distance : {1e4, 1e9, 1e25}) {  // Embree itself takes no ray from beyond 1e18
+    const Picture p = render(lit.solution, small({{0, 0, distance}, {0, 0, 0}, {0, 1, 0}, 0.5 / distance}));
+    EXPECT_NEAR(pixel(p, 32, 24)[0], 0.7, 1e-5) << distance;
+    const Picture away = render(lit.solution, small({{0, 0, distance}, {0, 0, 2 * distance}, {0, 1, 0}, 0.5}));
+    EXPECT_EQ(pixel(away, 32, 24)[0], 0) << distance;
+  }
+}
+
 TEST(RenderTest, FacesHaveTheirColoursWhereTheyProject) {
   Lit lit(cube().scene(), 0.1);
   for (std::size_t i = 0; i < lit.mesh.size(); ++i) {
