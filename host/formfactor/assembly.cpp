@@ -161,6 +161,27 @@ void fill(FormFactorMatrix& f, const PatchTable& patches, const Visibility& visi
   report.rays = rays;
 }
 
+/// "lamp 12, table/leg 4, door 2, ...": how many of the patches lie on each object (the group where all objects have
+/// one name, the number of the surface where it has none), the most first, three of them.
+std::string where(const PatchMesh& mesh, const std::vector<std::uint32_t>& patches) {
+  const bool by_group = std::all_of(mesh.surfaces.begin(), mesh.surfaces.end(),
+                                    [&](const Surface& s) { return s.object == mesh.surfaces.front().object; });
+  std::map<std::string, std::uint32_t> counts;
+  for (const std::uint32_t i : patches) {
+    const Surface& surface = mesh.surfaces[mesh.surface[i]];
+    const std::string& name = by_group && !surface.group.empty() ? surface.group : surface.object;
+    ++counts[name.empty() ? fmt::format("surface {}", mesh.surface[i] + 1) : name];
+  }
+  std::vector<std::pair<std::string, std::uint32_t>> most(counts.begin(), counts.end());
+  std::stable_sort(most.begin(), most.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  std::string out;
+  constexpr std::size_t shown = 3;
+  for (std::size_t k = 0; k < std::min(shown, most.size()); ++k) {
+    out += fmt::format("{}{} {}", k == 0 ? "" : ", ", most[k].first, most[k].second);
+  }
+  return most.size() > shown ? out + ", ..." : out;
+}
+
 RowSums summary(const std::vector<double>& sums, const std::vector<bool>& takes_part) {
   RowSums out;
   std::size_t count = 0;
@@ -231,15 +252,15 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
     report.warnings.push_back(fmt::format("closure: a row sum is still off by {:.2g} after {} iterations",
                                           scaling.residual, scaling.iterations));
   }
-  if (scaling.moved > 0) {
+  if (!scaling.moved.empty()) {
     report.warnings.push_back(
-        fmt::format("closure moved the factors of {} patches by more than {:.0f} %, one factor by {:.0f} %",
-                    scaling.moved, 100 * moved_much, 100 * scaling.max_change));
+        fmt::format("closure moved the factors of {} patches by more than {:.0f} %, one factor by {:.0f} %: {}",
+                    scaling.moved.size(), 100 * moved_much, 100 * scaling.max_change, where(mesh, scaling.moved)));
   }
   if (!report.set_aside.empty()) {
-    report.warnings.push_back(fmt::format(
-        "{} patches see next to nothing (buried in other objects) and are left out of the closure, the first is {}",
-        report.set_aside.size(), report.set_aside.front()));
+    report.warnings.push_back(
+        fmt::format("{} patches see next to nothing (buried in other objects) and are left out of the closure: {}",
+                    report.set_aside.size(), where(mesh, report.set_aside)));
   }
   report.seconds = timer.seconds();
   return out;
