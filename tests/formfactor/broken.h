@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "formfactor/meshes.h"
+#include "interflect/formfactor/blockers.h"
 #include "interflect/formfactor/pair_tile.h"
 #include "interflect/formfactor/patch_table.h"
-#include "interflect/formfactor/visibility.h"
 
 /// Deliberately broken form factors, so that every bound has a twin that it must reject.
 namespace interflect::test {
@@ -20,11 +20,11 @@ inline ::testing::AssertionResult near(double value, double exact, double bound)
          << value << " is off by " << off << " from " << exact << ", bound " << bound;
 }
 
-/// The assembly's own worker over all pairs, unscaled, but with the rays of the caller's choice.
-inline FormFactorMatrix factors_with(const PatchMesh& mesh, const Visibility& visibility) {
+/// The assembly's own worker over all pairs, unscaled, but with blockers of the caller's choice.
+inline FormFactorMatrix factors_with(const PatchMesh& mesh, const Blockers& blockers) {
   const PatchTable patches(mesh);
   FormFactorMatrix f(static_cast<std::uint32_t>(mesh.size()));
-  PairTile tile(patches, visibility, 1);
+  PairTile tile(patches, blockers, 1);
   for (std::size_t r = 0; r < patches.blocks(); ++r) {
     for (std::size_t c = r; c < patches.blocks(); ++c) {
       if (!tile.compute(r, c)) continue;
@@ -43,7 +43,7 @@ inline FormFactorMatrix factors_with(const PatchMesh& mesh, const Visibility& vi
 
 /// Broken: no ray ever meets anything.
 inline FormFactorMatrix blind(const PatchMesh& mesh) {
-  return factors_with(mesh, Visibility({}, {}));
+  return factors_with(mesh, Blockers({}, {}));
 }
 inline GroupFactors blind(const Builder& b) {
   return between(blind(b.mesh()), b.mesh(), b.grouping());
@@ -58,7 +58,7 @@ inline FormFactorMatrix with_a_ghost(const PatchMesh& mesh, const std::array<Vec
   const auto first = static_cast<std::uint32_t>(vertices.size());
   triangles.push_back({first, first + 1, first + 2});
   for (const Vec3 p : ghost) vertices.push_back(p - patches.centre);
-  return factors_with(mesh, Visibility(vertices, triangles));
+  return factors_with(mesh, Blockers(vertices, triangles));
 }
 
 /// Broken: every factor times `by`.
