@@ -13,11 +13,11 @@
 #include "interflect/base/error.h"
 #include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
+#include "interflect/formfactor/blockers.h"
 #include "interflect/formfactor/closure.h"
 #include "interflect/formfactor/hemisphere.h"
 #include "interflect/formfactor/pair_tile.h"
 #include "interflect/formfactor/patch_table.h"
-#include "interflect/formfactor/visibility.h"
 
 namespace interflect {
 
@@ -59,34 +59,6 @@ void check_memory(std::uint64_t n, std::uint64_t limit) {
                           n, in_units(needed), in_units(limit), fits));
 }
 
-struct Geometry {
-  std::vector<Vec3> vertices;
-  std::vector<std::array<std::uint32_t, 3>> triangles;
-  std::vector<bool> two_sided;  ///< per triangle: a patch on each side
-};
-
-/// The patches as the rays see them, each triangle once.
-Geometry geometry(const PatchMesh& mesh, const PatchTable& patches) {
-  Geometry out;
-  for (const Vec3 p : mesh.vertices) out.vertices.push_back(p - patches.centre);
-  const auto turned = [](std::array<std::uint32_t, 3> t) {  // smallest index first, orientation kept
-    std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
-    return t;
-  };
-  std::map<std::array<std::uint32_t, 3>, std::size_t> seen;
-  for (const auto& corners : mesh.corners) {
-    const auto opposite = seen.find(turned({corners[0], corners[2], corners[1]}));
-    if (opposite != seen.end()) {
-      out.two_sided[opposite->second] = true;
-      continue;
-    }
-    seen.emplace(turned(corners), out.triangles.size());
-    out.triangles.push_back(corners);
-    out.two_sided.push_back(false);
-  }
-  return out;
-}
-
 /// Pair k of 0 <= row <= column < blocks, by rows.
 std::pair<std::size_t, std::size_t> block_pair(std::uint64_t k, std::uint64_t blocks) {
   const auto before = [&](std::uint64_t row) { return row * blocks - row * (row - 1) / 2; };  // pairs in earlier rows
@@ -120,7 +92,7 @@ void store(FormFactorMatrix& f, const PatchTable& patches, const PairTile& tile,
 }
 
 /// The tiles of all block pairs. Each is written by one task alone, so the threads never meet.
-void fill(FormFactorMatrix& f, const PatchTable& patches, const Visibility& visibility, std::uint64_t seed,
+void fill(FormFactorMatrix& f, const PatchTable& patches, const Blockers& blockers, std::uint64_t seed,
           AssemblyReport& report, ProgressSink& progress) {
   const std::uint64_t blocks = patches.blocks(), all = blocks * (blocks + 1) / 2;
   progress.begin("form factors", all);
@@ -138,7 +110,7 @@ void fill(FormFactorMatrix& f, const PatchTable& patches, const Visibility& visi
       }
     };
     std::unique_ptr<PairTile> tile;
-    guard([&] { tile = std::make_unique<PairTile>(patches, visibility, seed); });
+    guard([&] { tile = std::make_unique<PairTile>(patches, blockers, seed); });
 #pragma omp for schedule(dynamic, 4)
     for (std::uint64_t k = 0; k < all; ++k) {
       if (failed) continue;
@@ -159,6 +131,27 @@ void fill(FormFactorMatrix& f, const PatchTable& patches, const Visibility& visi
   report.pairs_considered = considered;
   report.pairs_analytic = analytic;
   report.rays = rays;
+}
+
+/// "lamp 12, table/leg 4, door 2, ...": how many of the patches lie on each object (the group where all objects have
+/// one name, the number of the surface where it has none), the most first, three of them.
+std::string where(const PatchMesh& mesh, const std::vector<std::uint32_t>& patches) {
+  const bool by_group = std::all_of(mesh.surfaces.begin(), mesh.surfaces.end(),
+                                    [&](const Surface& s) { return s.object == mesh.surfaces.front().object; });
+  std::map<std::string, std::uint32_t> counts;
+  for (const std::uint32_t i : patches) {
+    const Surface& surface = mesh.surfaces[mesh.surface[i]];
+    const std::string& name = by_group && !surface.group.empty() ? surface.group : surface.object;
+    ++counts[name.empty() ? fmt::format("surface {}", mesh.surface[i] + 1) : name];
+  }
+  std::vector<std::pair<std::string, std::uint32_t>> most(counts.begin(), counts.end());
+  std::stable_sort(most.begin(), most.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  std::string out;
+  constexpr std::size_t shown = 3;
+  for (std::size_t k = 0; k < std::min(shown, most.size()); ++k) {
+    out += fmt::format("{}{} {}", k == 0 ? "" : ", ", most[k].first, most[k].second);
+  }
+  return most.size() > shown ? out + ", ..." : out;
 }
 
 RowSums summary(const std::vector<double>& sums, const std::vector<bool>& takes_part) {
@@ -186,12 +179,11 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
   FormFactors out;
   AssemblyReport& report = out.report;
   const PatchTable patches(mesh);
-  const Geometry shape = geometry(mesh, patches);
-  const Visibility visibility(shape.vertices, shape.triangles);
+  const Blockers blockers(mesh, patches);
   out.matrix = FormFactorMatrix(static_cast<std::uint32_t>(mesh.size()));
-  fill(out.matrix, patches, visibility, options.seed, report, sink);
+  fill(out.matrix, patches, blockers, options.seed, report, sink);
 
-  const HemisphereShares shares = look_around(patches, visibility, shape.two_sided, options.seed);
+  const HemisphereShares shares = look_around(patches, blockers.visibility(), blockers.two_sided(), options.seed);
   report.row_sum = out.matrix.row_sums();
   std::vector<bool> takes_part(mesh.size());
   for (std::uint32_t i = 0; i < mesh.size(); ++i) {
@@ -231,15 +223,15 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
     report.warnings.push_back(fmt::format("closure: a row sum is still off by {:.2g} after {} iterations",
                                           scaling.residual, scaling.iterations));
   }
-  if (scaling.moved > 0) {
+  if (!scaling.moved.empty()) {
     report.warnings.push_back(
-        fmt::format("closure moved the factors of {} patches by more than {:.0f} %, one factor by {:.0f} %",
-                    scaling.moved, 100 * moved_much, 100 * scaling.max_change));
+        fmt::format("closure moved the factors of {} patches by more than {:.0f} %, one factor by {:.0f} %: {}",
+                    scaling.moved.size(), 100 * moved_much, 100 * scaling.max_change, where(mesh, scaling.moved)));
   }
   if (!report.set_aside.empty()) {
-    report.warnings.push_back(fmt::format(
-        "{} patches see next to nothing (buried in other objects) and are left out of the closure, the first is {}",
-        report.set_aside.size(), report.set_aside.front()));
+    report.warnings.push_back(
+        fmt::format("{} patches see next to nothing (buried in other objects) and are left out of the closure: {}",
+                    report.set_aside.size(), where(mesh, report.set_aside)));
   }
   report.seconds = timer.seconds();
   return out;

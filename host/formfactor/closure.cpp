@@ -13,17 +13,17 @@ namespace {
 void apply(FormFactorMatrix& f, const std::vector<double>& d, Scaling& report) {
   const std::vector<float> x(d.begin(), d.end());
   double max_change = 0;
-  std::uint32_t moved = 0;
-#pragma omp parallel for schedule(static) reduction(max : max_change) reduction(+ : moved)
+#pragma omp parallel for schedule(static) reduction(max : max_change)
   for (std::uint32_t i = 0; i < f.size(); ++i) {
     const auto [low, high] = simd::scale(f.row(i), x[i], x);
     if (low > high) continue;  // an empty row
     max_change = std::max(
         {max_change, std::abs(d[i] * static_cast<double>(low) - 1), std::abs(d[i] * static_cast<double>(high) - 1)});
-    moved += std::abs(d[i] - 1) > moved_much ? 1 : 0;
   }
   report.max_change = max_change;
-  report.moved = moved;
+  for (std::uint32_t i = 0; i < f.size(); ++i) {
+    if (std::abs(d[i] - 1) > moved_much) report.moved.push_back(i);
+  }
 }
 
 /// F x.

@@ -9,10 +9,10 @@ namespace interflect {
 
 /// What a scaling of S to diag(d) S diag(d) did.
 struct Scaling {
-  std::uint32_t iterations = 0;  ///< products with F
-  double residual = 0;           ///< largest |row sum − 1| that is left among the rows that take part
-  double max_change = 0;         ///< largest |d_i d_j − 1| over the nonzero factors
-  std::uint32_t moved = 0;       ///< rows that take part with |d_i − 1| above moved_much
+  std::uint32_t iterations = 0;      ///< products with F
+  double residual = 0;               ///< largest |row sum − 1| that is left among the rows that take part
+  double max_change = 0;             ///< largest |d_i d_j − 1| over the nonzero factors
+  std::vector<std::uint32_t> moved;  ///< the rows with |d_i − 1| above moved_much
 };
 inline constexpr double moved_much = 0.05;
 

@@ -48,8 +48,8 @@ struct Plane {
 /// S by quadrature over both areas: `points` per triangle of the fan, 3 (degree 2) or 6 (degree 4).
 [[nodiscard]] double quadrature(const Polygon& a, const Polygon& b, int points);
 
-/// Distance of the centroids over the sum of the radii (largest distance of a corner from the centroid) from which 3 x 3
-/// or 6 x 6 points do; the contour form below. Measured against the contour form on random pairs of triangles
+/// Distance of the centroids over the sum of the radii (largest distance of a corner from the centroid) from which 3 x
+/// 3 or 6 x 6 points do; the contour form below. Measured against the contour form on random pairs of triangles
 /// (tests/formfactor/kernel_test.cpp): there the quadrature is off by at most 5e-6 of F, rms 2e-4 and 5e-5 of S.
 inline constexpr double ratio_of_three_points = 3.0;
 inline constexpr double ratio_of_six_points = 1.5;

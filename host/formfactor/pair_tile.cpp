@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "interflect/formfactor/sampling.h"
 
@@ -23,14 +24,17 @@ constexpr double negligible_factor = 1e-12;
 
 }  // namespace
 
-PairTile::PairTile(const PatchTable& patches, const Visibility& visibility, std::uint64_t seed, const RayBudget& budget)
+PairTile::PairTile(const PatchTable& patches, const Blockers& blockers, std::uint64_t seed, const RayBudget& budget)
     : patches_(patches),
-      visibility_(visibility),
+      blockers_(blockers),
       seed_(seed),
       budget_(budget),
       lift_(lift_of_extent * patches.extent),
       s_(pairs),
       kind_(pairs),
+      factor_(pairs),
+      pilot_(pairs),
+      hidden_(pairs),
       slots_(pairs),
       occluded_(std::make_unique<bool[]>(batch)) {
   pending_.reserve(batch);
@@ -52,6 +56,7 @@ bool PairTile::compute(std::size_t rows, std::size_t columns) {
   std::fill(kind_.begin(), kind_.end(), PairKind::none);
   find_kinds(rows, columns);
   if (std::all_of(kind_.begin(), kind_.end(), [](PairKind k) { return k == PairKind::none; })) return false;
+  if (!anything_between(rows, columns)) return true;
   slots_.assign(pairs, {});
   cut_.clear();
   load_shapes();
@@ -71,8 +76,32 @@ bool PairTile::compute(std::size_t rows, std::size_t columns) {
   return true;
 }
 
+/// Whether anything can hide one of the tile's pairs.
+bool PairTile::anything_between(std::size_t rows, std::size_t columns) {
+  Shaft shaft(boxes_[rows], boxes_[columns], 2 * lift_);
+  shaft.behind = std::numeric_limits<double>::infinity();
+  std::array<bool, block> row_takes_part{}, column_takes_part{};
+  for (std::size_t pair = 0; pair < pairs; ++pair) {
+    if (kind_[pair] != PairKind::none) row_takes_part[pair / block] = column_takes_part[pair % block] = true;
+  }
+  const auto add = [&](std::vector<kernel::Plane>& planes, std::size_t i) {
+    const kernel::Plane plane = patches_.plane(i);
+    shaft.behind = std::min(shaft.behind, patches_.tolerance[i]);
+    if (planes.empty() || !(planes.back().normal == plane.normal) || planes.back().offset != plane.offset) {
+      planes.push_back(plane);
+    }
+  };
+  for (std::size_t k = 0; k < block; ++k) {
+    if (row_takes_part[k]) add(shaft.from, first_row_ + k);
+    if (column_takes_part[k]) add(shaft.to, first_column_ + k);
+  }
+  return blockers_.any_in(shaft, hint_);
+}
+
 void PairTile::load_shapes() {
   for (std::size_t k = 0; k < block; ++k) {
+    row_hash_[k] = sampling::hash(seed_, static_cast<std::uint32_t>(first_row_ + k));
+    column_hash_[k] = sampling::hash(seed_ + 1, static_cast<std::uint32_t>(first_column_ + k));
     if (first_row_ + k < patches_.size) row_shape_[k] = whole(first_row_ + k);
     if (first_column_ + k < patches_.size) column_shape_[k] = whole(first_column_ + k);
   }
@@ -143,26 +172,26 @@ PairTile::Shape PairTile::part_in_front(std::size_t patch, std::size_t other) co
   return out;
 }
 
-double PairTile::factor(std::size_t pair) const {
-  return s_[pair] / std::min(patches_.area[row_patch(pair)], patches_.area[column_patch(pair)]);
-}
-
 std::uint32_t PairTile::pilot_rays(double factor) const {
+  if (budget_.pilot_per_factor * factor <= 1) return 1;
   return static_cast<std::uint32_t>(std::clamp(std::ceil(budget_.pilot_per_factor * factor), 1.0, 64.0));
 }
 
 void PairTile::trace_pilot() {
   for (std::size_t pair = 0; pair < pairs; ++pair) {
     if (kind_[pair] == PairKind::none) continue;
-    add_rays_of_pair(pair, 0, pilot_rays(factor(pair)));
+    factor_[pair] = s_[pair] / std::min(patches_.area[row_patch(pair)], patches_.area[column_patch(pair)]);
+    pilot_[pair] = pilot_rays(factor_[pair]);
+    add_rays_of_pair(pair, 0, pilot_[pair]);
   }
   flush();
 }
 
 /// Whether the pair deserves more rays. With few rays of its own only the neighbours are asked: a decision that looked
 /// at the pair's own rays would be biased towards what most of them say.
-bool PairTile::disagrees(std::size_t pair, std::uint32_t rays) const {
-  const double own = hidden_share(pair);
+bool PairTile::disagrees(std::size_t pair) const {
+  const double own = hidden_[pair];
+  const std::uint32_t rays = pilot_[pair];
   if (rays >= 8 && own > 0 && own < 1) return true;
   const auto a = static_cast<std::ptrdiff_t>(pair / block), b = static_cast<std::ptrdiff_t>(pair % block);
   double low = 1, high = 0;
@@ -171,7 +200,7 @@ bool PairTile::disagrees(std::size_t pair, std::uint32_t rays) const {
     for (std::ptrdiff_t y = std::max<std::ptrdiff_t>(b - 1, 0); y <= std::min<std::ptrdiff_t>(b + 1, block - 1); ++y) {
       const auto other = static_cast<std::size_t>(x) * block + static_cast<std::size_t>(y);
       if (other == pair || kind_[other] == PairKind::none) continue;
-      const double hidden = hidden_share(other);
+      const double hidden = hidden_[other];
       low = std::min(low, hidden);
       high = std::max(high, hidden);
     }
@@ -180,19 +209,27 @@ bool PairTile::disagrees(std::size_t pair, std::uint32_t rays) const {
 }
 
 void PairTile::trace_mixed() {
+  double low = 1, high = 0;
+  for (std::size_t pair = 0; pair < pairs; ++pair) {
+    if (kind_[pair] == PairKind::none) continue;
+    hidden_[pair] = hidden_share(pair);
+    low = std::min(low, hidden_[pair]);
+    high = std::max(high, hidden_[pair]);
+  }
+  if (low == high && (low == 0 || low == 1)) return;  // all free or all hidden: nobody disagrees
   std::array<bool, pairs> mixed{};
   for (std::size_t pair = 0; pair < pairs; ++pair) {
-    mixed[pair] = kind_[pair] != PairKind::none && disagrees(pair, pilot_rays(factor(pair)));
+    mixed[pair] = kind_[pair] != PairKind::none && disagrees(pair);
   }
   for (std::size_t pair = 0; pair < pairs; ++pair) {
     if (!mixed[pair]) continue;
-    const double f = factor(pair);
+    const double f = factor_[pair];
     if (f >= budget_.split_from && kind_[pair] != PairKind::far) {
       trace_cut(pair, f);
       continue;
     }
     const auto wanted = static_cast<std::uint32_t>(std::min<double>(budget_.rays_per_factor * f, budget_.most));
-    const std::uint32_t have = pilot_rays(f), all = std::max(wanted, budget_.fewest_when_mixed);
+    const std::uint32_t have = pilot_[pair], all = std::max(wanted, budget_.fewest_when_mixed);
     if (all <= have) continue;
     add_rays_of_pair(pair, have, all - have);
   }
@@ -251,8 +288,9 @@ void PairTile::add_rays(const Shape& a, const Shape& b, std::size_t pair, std::s
                         std::uint32_t count, bool weighted) {
   const auto i = static_cast<std::uint32_t>(row_patch(pair)), j = static_cast<std::uint32_t>(column_patch(pair));
   const std::uint64_t piece = slot < pairs ? 0 : slot - pairs + 1;
-  auto from = sampling::rotated(sampling::hash(seed_ + 2 * piece, i), j);
-  auto to = sampling::rotated(sampling::hash(seed_ + 2 * piece + 1, j), i);
+  const auto from = sampling::rotated(piece == 0 ? row_hash_[pair / block] : sampling::hash(seed_ + 2 * piece, i), j);
+  const auto to =
+      sampling::rotated(piece == 0 ? column_hash_[pair % block] : sampling::hash(seed_ + 2 * piece + 1, j), i);
   for (std::uint32_t k = first; k < first + count; ++k) {
     const Vec3 x = sampling::on_polygon(a.polygon, {from.u + k * sampling::step4[0], from.v + k * sampling::step4[1]},
                                         a.share_of_first);
@@ -263,8 +301,11 @@ void PairTile::add_rays(const Shape& a, const Shape& b, std::size_t pair, std::s
     if (!(above_a > 0 && above_b > 0)) continue;  // on the other's plane, to rounding: no weight
     const Vec3 start = x + std::min(lift_, 0.25 * above_a) * a.normal;
     const Vec3 direction = y + std::min(lift_, 0.25 * above_b) * b.normal - start;
-    const double r2 = dot(between, between);
-    const double weight = weighted ? above_a * above_b / (r2 * r2) : 1;
+    double weight = 1;
+    if (weighted) {
+      const double r2 = dot(between, between);
+      weight = above_a * above_b / (r2 * r2);
+    }
     pending_.push_back(
         {{static_cast<float>(start.x), static_cast<float>(start.y), static_cast<float>(start.z)},
          0,
@@ -276,7 +317,7 @@ void PairTile::add_rays(const Shape& a, const Shape& b, std::size_t pair, std::s
 }
 
 void PairTile::flush() {
-  visibility_.occluded(pending_, {occluded_.get(), pending_.size()});
+  blockers_.visibility().occluded(pending_, {occluded_.get(), pending_.size()});
   rays_ += pending_.size();
   for (std::size_t k = 0; k < pending_.size(); ++k) {
     const auto [slot, weight] = pending_slot_[k];

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "interflect/formfactor/blockers.h"
 #include "interflect/formfactor/kernel.h"
 #include "interflect/formfactor/patch_table.h"
 #include "interflect/formfactor/simd.h"
@@ -32,7 +33,7 @@ class PairTile {
  public:
   static constexpr std::size_t block = PatchTable::block;
 
-  PairTile(const PatchTable& patches, const Visibility& visibility, std::uint64_t seed, const RayBudget& budget = {});
+  PairTile(const PatchTable& patches, const Blockers& blockers, std::uint64_t seed, const RayBudget& budget = {});
 
   /// S for i in block `rows` and j in block `columns` >= rows; within one block only i < j. False: all of it is 0.
   [[nodiscard]] bool compute(std::size_t rows, std::size_t columns);
@@ -45,9 +46,6 @@ class PairTile {
   [[nodiscard]] std::uint64_t rays() const { return rays_; }
 
  private:
-  struct Box {
-    Vec3 low, high;
-  };
   /// Rays are counted into slots: 0 .. block² − 1 are the pairs, those behind are pieces of pairs that were cut.
   struct Slot {
     float hidden = 0, total = 0;
@@ -66,6 +64,7 @@ class PairTile {
   void find_kinds(std::size_t rows, std::size_t columns);
   void finish_kind(std::size_t pair, std::size_t i, std::size_t j);
   void load_shapes();
+  [[nodiscard]] bool anything_between(std::size_t rows, std::size_t columns);
   void trace_pilot();
   void trace_mixed();
   void trace_cut(std::size_t pair, double factor);
@@ -73,11 +72,10 @@ class PairTile {
                 std::uint32_t count, bool weighted);
   void add_rays_of_pair(std::size_t pair, std::uint32_t first, std::uint32_t count);
   void flush();
-  [[nodiscard]] bool disagrees(std::size_t pair, std::uint32_t rays) const;
+  [[nodiscard]] bool disagrees(std::size_t pair) const;
   [[nodiscard]] double hidden_share(std::size_t pair) const {
     return slots_[pair].total > 0 ? static_cast<double>(slots_[pair].hidden / slots_[pair].total) : 0;
   }
-  [[nodiscard]] double factor(std::size_t pair) const;
   [[nodiscard]] std::size_t row_patch(std::size_t pair) const { return first_row_ + pair / block; }
   [[nodiscard]] std::size_t column_patch(std::size_t pair) const { return first_column_ + pair % block; }
   [[nodiscard]] Shape whole(std::size_t patch) const;
@@ -85,15 +83,20 @@ class PairTile {
   [[nodiscard]] std::uint32_t pilot_rays(double factor) const;
 
   const PatchTable& patches_;
-  const Visibility& visibility_;
+  const Blockers& blockers_;
   std::uint64_t seed_;
   RayBudget budget_;
   double lift_;  ///< rays start and end this far above their patches
   std::vector<Box> boxes_;
+  std::size_t hint_ = 0;  ///< of Blockers::any_in()
   std::size_t first_row_ = 0, first_column_ = 0;
   std::array<Shape, block> row_shape_, column_shape_;
   std::vector<double> s_;
   std::vector<simd::PairKind> kind_;
+  std::vector<double> factor_;        ///< S / min(A_i, A_j), the larger of the pair's form factors
+  std::vector<std::uint32_t> pilot_;  ///< rays that the pair gets first
+  std::vector<double> hidden_;        ///< share of them that ended early
+  std::array<std::uint64_t, block> row_hash_{}, column_hash_{};
   std::vector<Slot> slots_;
   std::vector<CutPair> cut_;
   std::vector<Visibility::Ray> pending_;

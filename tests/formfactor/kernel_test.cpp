@@ -55,6 +55,7 @@ double brute_force(const Corners& a, const Corners& b, int levels) {
 TEST(Kernel, EachMethodIsGoodWhereItIsUsed) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> d(-1, 1), distance(0.5, 8);
+  double too_near_three = 0, too_near_six = 0, too_coarse = 0;  // twins: each method where it is not used
   double worst_three = 0, worst_six = 0, worst_contour = 0, squares_three = 0, squares_six = 0;
   int three = 0, six = 0, near = 0;
   while (three < 400 || six < 400 || near < 100) {
@@ -75,6 +76,9 @@ TEST(Kernel, EachMethodIsGoodWhereItIsUsed) {
       ++six;
     } else if (near < 100 && q > 0.8) {
       worst_contour = std::max(worst_contour, std::abs(brute_force(a, b, 3) - exact) / area(Polygon(a)));
+      too_coarse = std::max(too_coarse, std::abs(brute_force(a, b, 0) - exact) / area(Polygon(a)));
+      too_near_three = std::max(too_near_three, std::abs(quadrature(Polygon(a), Polygon(b), 3) / exact - 1) * share);
+      too_near_six = std::max(too_near_six, std::abs(quadrature(Polygon(a), Polygon(b), 6) / exact - 1) * share);
       ++near;
     }
   }
@@ -83,6 +87,9 @@ TEST(Kernel, EachMethodIsGoodWhereItIsUsed) {
   EXPECT_LT(worst_three, 5e-6) << "of F";
   EXPECT_LT(worst_six, 5e-6) << "of F";
   EXPECT_LT(worst_contour, 2e-6) << "of F";
+  EXPECT_GT(too_near_three, 5e-6) << "twin: the bound sees three points where they do not do";
+  EXPECT_GT(too_near_six, 5e-6) << "twin: and six";
+  EXPECT_GT(too_coarse, 2e-6) << "twin: a reference that is not cut finely enough";
   // As shares of S, pairs at grazing angles included.
   EXPECT_LT(std::sqrt(squares_three / three), 5e-4);
   EXPECT_LT(std::sqrt(squares_six / six), 5e-4);
