@@ -132,7 +132,7 @@ std::string to_text(const SolveSummary& summary) {
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,
                      report.seconds);
   out += fmt::format("residual       {:.2e} (relative, per channel)\n", fmt::join(report.relative_residual, " "));
-  out += fmt::format("energy         emitted {:.6g} = absorbed {:.6g} + escaped {:.6g}, error {:.1e}\n",
+  out += fmt::format("energy         emitted {:.6g}, absorbed {:.6g}, escaped {:.6g}, balance error {:.1e}\n",
                      sum(summary.energy.emitted), sum(summary.energy.absorbed), sum(summary.energy.escaped),
                      summary.energy.balance_error());
   return out;

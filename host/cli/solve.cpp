@@ -84,6 +84,18 @@ void check_outputs(const Options& options) {
   }
 }
 
+/// What the scene is made of (materials, textures, buffers) is known once it is read.
+void check_inputs_stay(const Options& options, const Scene& scene) {
+  std::vector<std::string> outputs = options.outputs;
+  if (!options.report.empty()) outputs.push_back(options.report);
+  for (const std::string& output : outputs) {
+    for (const std::filesystem::path& input : scene.files) {
+      if (!same_file(output, input.string())) continue;
+      throw Error(ErrorKind::usage, fmt::format("{} belongs to the scene: an output would destroy it", output));
+    }
+  }
+}
+
 PictureOptions picture_options(const Options& options, const Scene& scene) {
   PictureOptions picture;
   const auto [width, height] = parse_size(options.size);
@@ -143,6 +155,7 @@ int run(const Options& options) {
   std::unique_ptr<Device> device = open_device(options.device);  // and so is a device that is not there
 
   const MeshedScene loaded = load(options.scene, console);
+  check_inputs_stay(options, loaded.scene);
   const FormFactors factors = assemble_checked(loaded, options.scene, console);
   const Method method = method_of(options.method);
   const Solved solved = solve_scene(factors.matrix, loaded.mesh, std::move(device), method, options.stop, &console);

@@ -272,6 +272,7 @@ Scene read_gltf(const std::string& bytes, const std::filesystem::path& path) {
     Scene scene = Reader(document, file).run();
     scene.name = path.stem().string();
     scene.file = file;
+    scene.files = document.files;
     return scene;
   } catch (const std::logic_error& error) {  // tinygltf's containers and JSON types
     throw input_error(file, 0, fmt::format("not valid glTF: {}", error.what()));

@@ -206,6 +206,7 @@ class Folder {
             [](std::string*, const std::string&, const std::vector<unsigned char>&, void*) { return false; }, this};
   }
 
+  std::vector<std::filesystem::path> files;     // that were read
   std::map<std::string, std::string> failures;  // why a file could not be read
 
  private:
@@ -213,6 +214,7 @@ class Folder {
     try {
       const std::string content = read_file(resolve(uri), budget_);
       budget_ -= content.size();
+      files.push_back(resolve(uri));
       out.assign(content.begin(), content.end());
       return true;
     } catch (const Error& error) {
@@ -275,6 +277,7 @@ Document load(const std::string& bytes, const std::filesystem::path& path) {
   if (!loaded || !error.empty()) {
     throw input_error(document.file, 0, error.empty() ? "not a glTF file" : on_one_line(error));
   }
+  document.files = std::move(folder.files);
   document.missing_images = std::move(folder.failures);
   return document;
 }

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <vector>
 
 namespace interflect::gltf {
 
@@ -13,6 +14,7 @@ namespace interflect::gltf {
 struct Document {
   tinygltf::Model model;
   std::string file;                                   ///< for messages
+  std::vector<std::filesystem::path> files;           ///< buffers and images that were read beside it
   std::map<std::string, std::string> missing_images;  ///< URI -> why it could not be read
 };
 

@@ -173,6 +173,7 @@ bool ObjReader::read_library(std::string_view name) {
   if (file.empty()) return false;
   if (!libraries_seen_.insert(file.string()).second) return true;
   constexpr std::uintmax_t largest_library = std::uintmax_t{1} << 28;
+  scene_.files.push_back(file);
   read_mtl(read_file(file, largest_library), file, library_, scene_.warnings);
   return true;
 }

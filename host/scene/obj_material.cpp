@@ -132,6 +132,7 @@ int load_texture(const MtlMaterial& material, const std::string& name, std::map<
   }
   const auto [entry, added] = seen.try_emplace(file.string(), -1);
   if (!added) return entry->second;
+  scene.files.push_back(file);
   Image image = read_image(file, scene.warnings);
   if (image.pixels.empty()) return -1;
   scene.images.push_back(std::move(image));

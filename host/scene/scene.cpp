@@ -64,6 +64,7 @@ Scene read_scene(const std::filesystem::path& path) {
                                       : read_gltf(content, path);
   scene.name = path.stem().string();
   scene.file = path.string();
+  scene.files.push_back(path);
   return scene;
 }
 

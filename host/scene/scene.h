@@ -61,7 +61,8 @@ struct Scene {
   std::vector<Material> materials;
   std::vector<Image> images;
   std::optional<Camera> camera;
-  std::vector<std::string> warnings;  ///< one line each: what the reader had to leave out
+  std::vector<std::filesystem::path> files;  ///< every file that was read: none of them may be written over
+  std::vector<std::string> warnings;         ///< one line each: what the reader had to leave out
 
   /// Area of triangle t, ½ |(b − a) × (c − a)|, in the scene's unit squared.
   [[nodiscard]] double area(const Triangle& t) const;

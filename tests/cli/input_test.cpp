@@ -87,6 +87,17 @@ TEST(Input, MemoryIsPredictedAndRefused) {
   EXPECT_THAT(outcome.error_lines().front(), HasSubstr("--divide"));
 }
 
+TEST(Input, NoFileOfTheSceneIsAnOutput) {
+  const Folder folder;
+  const std::string material = "newmtl grey\nKd 0.5 0.5 0.5\nKe 1 1 1\n";
+  (void)folder.write("m.mtl", material);
+  const std::string scene = folder.write("a.obj", "mtllib m.mtl\n" + triangle + "usemtl grey\nf 1 2 3\n");
+  const Outcome outcome = run_program({"solve", scene, "--report", folder.file("./m.mtl")});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_THAT(outcome.error_lines(), ElementsAre(HasSubstr("belongs to the scene")));
+  EXPECT_EQ(content_of(folder.file("m.mtl")), material);
+}
+
 TEST(Input, TheSceneIsNeverAnOutput) {
   const Folder folder;
   const std::string scene = folder.write("a.glb", "not read");

@@ -7,8 +7,8 @@
 
 namespace interflect::testing {
 
-/// A PNG of 8-bit (or 16-bit, big-endian) RGB without compression, written from the specification (ISO/IEC 15948, RFC 1950 and 1951), so that a
-/// test can also make one that lies.
+/// A PNG of 8-bit (or 16-bit, big-endian) RGB without compression, written from the specification (ISO/IEC 15948, RFC
+/// 1950 and 1951), so that a test can also make one that lies.
 class PngBytes {
  public:
   /// `rgb`: 3 * width * height * bits / 8 bytes, less than 64 KiB with a byte more per row.

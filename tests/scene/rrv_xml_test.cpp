@@ -401,7 +401,9 @@ TEST(RrvXml, CoordinatesStayInReach) {
 
 TEST(RrvXml, OddBytesInNamesArePrintable) {
   const Scene scene = read(document("<cuboid name='a\xff\xc3\xa9\xed\xa0\x80&lt;'/>"));
-  EXPECT_EQ(scene.surfaces.at(0).group, "a?\xc3\xa9??" "?<");
+  EXPECT_EQ(scene.surfaces.at(0).group,
+            "a?\xc3\xa9??"
+            "?<");
   EXPECT_EQ(read(document(fmt::format("<cuboid name='{}'/>", std::string(100000, 'x')))).surfaces.at(0).group.size(),
             252u);
 }
