@@ -114,7 +114,7 @@ std::string closure_text(const AssemblyReport& report) {
                        report.escape_fraction * 100);
   }
   if (!report.set_aside.empty()) {
-    out += fmt::format("set aside      {} patches that are buried in other objects\n", report.set_aside.size());
+    out += fmt::format("set aside      {} patches that see next to nothing\n", report.set_aside.size());
   }
   return out;
 }

@@ -229,9 +229,14 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
                     scaling.moved.size(), 100 * moved_much, 100 * scaling.max_change, where(mesh, scaling.moved)));
   }
   if (!report.set_aside.empty()) {
-    report.warnings.push_back(
-        fmt::format("{} patches see next to nothing (buried in other objects) and are left out of the closure: {}",
-                    report.set_aside.size(), where(mesh, report.set_aside)));
+    const auto outward = std::count_if(report.set_aside.begin(), report.set_aside.end(),
+                                       [&](std::uint32_t i) { return shares.escape[i] > 0.5F; });
+    const bool some_buried = static_cast<std::size_t>(outward) < report.set_aside.size();
+    const char* cause = outward == 0  ? "buried in other objects"
+                        : some_buried ? "buried in other objects or looking out of the scene"
+                                      : "looking out of the scene";
+    report.warnings.push_back(fmt::format("{} patches see next to nothing ({}) and are left out of the closure: {}",
+                                          report.set_aside.size(), cause, where(mesh, report.set_aside)));
   }
   report.seconds = timer.seconds();
   return out;

@@ -177,6 +177,19 @@ TEST(FormFactors, BetweenTwoPlatesIsTheTextbookValue) {
   EXPECT_EQ(table.at("factors").at(0).at(0).get<double>(), 0);
 }
 
+TEST(FormFactors, SaysWhyPatchesAreSetAside) {
+  // Each wall of the furnace also gets a patch on its outside, which sees nothing: the room inside is closed all the
+  // same.
+  const Outcome outcome =
+      run_program({"formfactors", scene_file("furnace.obj"), "--two-sided", "--divide", "0.1", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("looking out of the scene"));
+  const json closure = json::parse(outcome.out).at("closure");
+  EXPECT_TRUE(closure.at("closed_scene").get<bool>());
+  EXPECT_EQ(closure.at("set_aside").at("count"), 192);
+  EXPECT_NEAR(closure.at("min").get<double>(), 1, 1e-4);
+}
+
 TEST(Devices, OpenMpIsThereAndPassesItsSelftest) {
   const Outcome outcome = run_program({"devices", "--json", "--selftest"});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
