@@ -17,6 +17,8 @@ class Console : public ProgressSink {
  public:
   /// quiet: neither bars nor messages.
   explicit Console(bool quiet);
+  Console(const Console&) = delete;
+  Console& operator=(const Console&) = delete;
   ~Console() override;
 
   void begin(std::string_view stage, std::uint64_t total) override;

@@ -113,7 +113,7 @@ void check_picture(const Options& options) {
   const PictureOptions picture = picture_options(options, Scene{});
   if (std::none_of(options.outputs.begin(), options.outputs.end(), is_picture)) return;
   // Linear and displayed values in single precision, then the bytes of one file, plain and packed.
-  constexpr std::uint64_t bytes_per_pixel = 2 * 3 * sizeof(float) + 2 * 3 * sizeof(std::uint16_t);
+  constexpr std::uint64_t bytes_per_pixel = 6 * sizeof(float) + 6 * sizeof(std::uint16_t);
   const std::uint64_t needed = bytes_per_pixel * picture.width * picture.height;
   const std::uint64_t available = available_memory();
   if (needed <= available) return;

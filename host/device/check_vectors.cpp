@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
-#include <cstring>
 
 #include "interflect/device/check_tools.h"
 #include "interflect/device/kernel_arguments.h"
@@ -70,7 +70,7 @@ void compare_buffer(Finding& finding, std::size_t buffer, const std::vector<floa
   for (std::size_t i = 0; i < exact.size(); ++i) {
     if (exact[i].written) {
       compare(finding, after[i], exact[i].value, std::max(exact[i].magnitude, 1e-30));
-    } else if (std::memcmp(&before[i], &after[i], sizeof(float)) != 0) {
+    } else if (std::bit_cast<std::uint32_t>(before[i]) != std::bit_cast<std::uint32_t>(after[i])) {
       finding.wrong = fmt::format("float {} of buffer {} is not to be written, but was", i, buffer);
     }
   }

@@ -45,7 +45,7 @@ class Column {
  private:
   [[nodiscard]] std::size_t element(std::uint32_t i) const { return std::size_t{c_} * a_.vector_stride + i; }
   [[nodiscard]] std::size_t partial(std::uint32_t set, std::uint32_t block) const {
-    return scalar_slots * a_.columns + (std::size_t{set} * a_.columns + c_) * a_.blocks + block;
+    return std::size_t{scalar_slots} * a_.columns + (std::size_t{set} * a_.columns + c_) * a_.blocks + block;
   }
   [[nodiscard]] Numbers& sums() const { return buffers_.back(); }
   static void write(Number& to, Number value) {

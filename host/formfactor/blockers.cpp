@@ -138,7 +138,7 @@ Blockers::Shape Blockers::shape(const PatchMesh& mesh, const PatchTable& patches
 Blockers::Blockers(const PatchMesh& mesh, const PatchTable& patches) : Blockers(shape(mesh, patches)) {}
 
 Blockers::Blockers(std::vector<Vec3> vertices, std::vector<std::array<std::uint32_t, 3>> triangles)
-    : Blockers(Shape{std::move(vertices), triangles, std::vector<bool>(triangles.size()), triangles}) {}
+    : Blockers(Shape{std::move(vertices), triangles, std::vector<bool>(triangles.size()), std::move(triangles)}) {}
 
 Blockers::Blockers(Shape shape) : shape_(std::move(shape)), visibility_(shape_.vertices, shape_.triangles) {
   for (std::size_t first = 0; first < shape_.coarse.size(); first += cluster) {

@@ -114,7 +114,8 @@ class Framing {
     std::vector<std::uint64_t> kinds;
     View v;
     for (int k = 0; k < across * down; ++k) {
-      const Vec3 direction = normalized(lens.direction((k % across + 0.5) / across, (k / across + 0.5) / down));
+      const int column = k % across, row = k / across;
+      const Vec3 direction = normalized(lens.direction((column + 0.5) / across, (row + 0.5) / down));
       const auto seen = sight_.first(camera.eye, direction);
       if (!seen) continue;
       (seen->front ? v.front : v.back) += 1 / rays;
@@ -162,7 +163,8 @@ void Framing::try_inside(Camera& best, double& score) const {
   int free = 0, enclosed = 0;
   for (const double height : {0.55, 0.62, 0.48}) {
     for (int k = 0; k < grid * grid; ++k) {
-      const Vec3 eye = at((k % grid + 0.5) / grid, height, (k / grid + 0.5) / grid);
+      const int column = k % grid, row = k / grid;
+      const Vec3 eye = at((column + 0.5) / grid, height, (row + 0.5) / grid);
       const Surroundings around = surroundings(eye);
       if (around.back > 0.005) continue;
       ++free;

@@ -75,12 +75,14 @@ class Painter {
     const auto& s = smooth_.corners[seen->patch];
     const float u = seen->u, v = seen->v, w = 1 - u - v;
     for (std::size_t c = 0; c < 3; ++c) {
-      sample.radiosity[c] = w * value_[3 * s[0] + c] + u * value_[3 * s[1] + c] + v * value_[3 * s[2] + c];
+      sample.radiosity[c] = w * value(s[0], c) + u * value(s[1], c) + v * value(s[2], c);
     }
     return sample;
   }
 
  private:
+  [[nodiscard]] float value(std::size_t vertex, std::size_t channel) const { return value_[3 * vertex + channel]; }
+
   const PatchMesh& mesh_;
   Sight sight_;
   SmoothMesh smooth_;
@@ -91,7 +93,7 @@ class Painter {
 /// The exposure from a coarse view of the picture: what the surfaces that are not lamps show.
 double view_exposure(const Painter& painter, const Lens& lens, ToneMap tone) {
   constexpr std::uint32_t across = 160, down = 90;
-  std::vector<Brightness> values(across * down);
+  std::vector<Brightness> values(std::size_t{across} * down);
 #pragma omp parallel for schedule(dynamic, 4)
   for (std::uint32_t y = 0; y < down; ++y) {
     for (std::uint32_t x = 0; x < across; ++x) {

@@ -89,7 +89,7 @@ std::filesystem::path find_beside(const std::filesystem::path& folder, std::stri
   std::string slashes(name);
   std::replace(slashes.begin(), slashes.end(), '\\', '/');
   for (const std::string& candidate : {std::string(name), slashes}) {
-    const std::filesystem::path path = folder / candidate;
+    std::filesystem::path path = folder / candidate;
     std::error_code ignored;  // a name that is too long, a folder that may not be entered: not there
     if (std::filesystem::is_regular_file(path, ignored)) return path;
   }

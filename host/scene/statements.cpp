@@ -92,7 +92,7 @@ double Statements::number() {
   const auto [end, error] = std::from_chars(unsigned_text.data(), unsigned_text.data() + unsigned_text.size(), value);
   // Too small for a double is 0; too large is not a number that we can work with.
   const bool underflow = error == std::errc::result_out_of_range && text.find_first_of("eE") != text.npos &&
-                         text.find("-", text.find_first_of("eE")) != text.npos;
+                         text.find('-', text.find_first_of("eE")) != text.npos;
   if (underflow) return 0;
   if (error != std::errc{} || end != unsigned_text.data() + unsigned_text.size() || !std::isfinite(value)) {
     fail(fmt::format("'{}' is not a finite number", one_line(text)));

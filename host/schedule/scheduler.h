@@ -20,11 +20,6 @@ using Columns = std::vector<std::vector<float>>;
 /// C columns of n floats on the devices (stride padded to a multiple of 16), or a sums buffer. Made by a Scheduler, and
 /// gone with it: a Vector must not outlive its Scheduler.
 class Vector {
- public:
-  Vector(Vector&&) = default;
-  Vector& operator=(Vector&&) = default;
-
- private:
   friend class Scheduler;
   explicit Vector(std::unique_ptr<Buffer> buffer) : buffer_(std::move(buffer)) {}
   std::unique_ptr<Buffer> buffer_;
@@ -32,11 +27,6 @@ class Vector {
 
 /// A vector kernel of kernels/, compiled for the devices. Must not outlive its Scheduler.
 class VectorKernel {
- public:
-  VectorKernel(VectorKernel&&) = default;
-  VectorKernel& operator=(VectorKernel&&) = default;
-
- private:
   friend class Scheduler;
   explicit VectorKernel(std::unique_ptr<Kernel> kernel) : kernel_(std::move(kernel)) {}
   std::unique_ptr<Kernel> kernel_;
