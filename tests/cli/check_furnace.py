@@ -1,4 +1,4 @@
-"""check_furnace.py MTL OUTPUT: every group that the example printed has b = Ke / (1 - Kd) within 5e-4."""
+"""check_furnace.py MTL OUTPUT: every group that the example printed has b = Ke / (1 - Kd) within 1e-4."""
 import sys
 
 values = {}
@@ -12,5 +12,5 @@ if not groups:
     sys.exit("no groups were printed")
 for group in groups:
     for got, want in zip(map(float, group[-3:]), expected, strict=True):
-        if not abs(got / want - 1) < 5e-4:
+        if not abs(got / want - 1) < 1e-4:
             sys.exit(f"{group}: expected {expected}")
