@@ -132,21 +132,17 @@ double Energy::balance_error() const {
 Energy energy_balance(const FormFactorMatrix& matrix, const PatchMesh& mesh, const std::vector<Rgb>& radiosity,
                       const std::vector<double>& row_sum) {
   const std::uint32_t n = matrix.size();
-  std::vector<Rgb> received(n);  // (F B)_i
-#pragma omp parallel for schedule(static)
+  Columns b(3, std::vector<float>(n));  // the radiosities came as floats: nothing is lost
   for (std::uint32_t i = 0; i < n; ++i) {
-    const auto row = matrix.row(i);
-    Rgb sum{};
-    for (std::uint32_t j = 0; j < n; ++j) {
-      for (std::size_t c = 0; c < 3; ++c) sum[c] += static_cast<double>(row[j]) * radiosity[j][c];
-    }
-    received[i] = sum;
+    for (std::size_t c = 0; c < 3; ++c) b[c][i] = static_cast<float>(radiosity[i][c]);
   }
+  std::vector<std::vector<double>> received;
+  exact_product(matrix, b, received);
   Energy energy;
   for (std::uint32_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 3; ++c) {
       energy.emitted[c] += mesh.area[i] * mesh.emittance[i][c];
-      energy.absorbed[c] += mesh.area[i] * (1 - mesh.reflectance[i][c]) * received[i][c];
+      energy.absorbed[c] += mesh.area[i] * (1 - mesh.reflectance[i][c]) * received[c][i];
       energy.escaped[c] += mesh.area[i] * radiosity[i][c] * (1 - row_sum[i]);
     }
   }

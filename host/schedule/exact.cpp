@@ -59,31 +59,36 @@ namespace interflect {
 
 HWY_EXPORT(multiply_rows);
 
-void Scheduler::exact_product(const Columns& x, std::vector<std::vector<double>>& y) {
+void exact_product(const FormFactorMatrix& form_factors, const Columns& x, std::vector<std::vector<double>>& y) {
   constexpr std::uint32_t strip = 4;
-  if (x.size() != columns()) throw Error(ErrorKind::internal, "exact product: wrong number of columns");
-  const std::size_t length = form_factors_.stride();  // rows are padded with zeros to it
+  const std::uint32_t n = form_factors.size();
+  const std::size_t length = form_factors.stride();  // rows are padded with zeros to it
   std::vector<std::vector<double>> wide;
   std::vector<const double*> column;
   for (const std::vector<float>& values : x) {
-    if (values.size() != size()) throw Error(ErrorKind::internal, "exact product: a column of the wrong length");
+    if (values.size() != n) throw Error(ErrorKind::internal, "exact product: a column of the wrong length");
     wide.emplace_back(values.begin(), values.end()).resize(length);
     column.push_back(wide.back().data());
   }
-  y.assign(columns(), std::vector<double>(size()));
+  y.assign(x.size(), std::vector<double>(n));
 #pragma omp parallel for schedule(static)
-  for (std::uint32_t first = 0; first < size(); first += strip) {
+  for (std::uint32_t first = 0; first < n; first += strip) {
     const float* rows[strip];
-    for (std::uint32_t q = 0; q < strip; ++q) rows[q] = form_factors_.row(std::min(first + q, size() - 1)).data();
+    for (std::uint32_t q = 0; q < strip; ++q) rows[q] = form_factors.row(std::min(first + q, n - 1)).data();
     for (std::size_t c = 0; c < column.size(); c += 3) {
       const std::size_t count = std::min<std::size_t>(3, column.size() - c);
       double sums[strip][3];
       HWY_DYNAMIC_DISPATCH(multiply_rows)(rows, column.data() + c, count, length, sums);
-      for (std::uint32_t q = 0; q < std::min(strip, size() - first); ++q) {
+      for (std::uint32_t q = 0; q < std::min(strip, n - first); ++q) {
         for (std::size_t k = 0; k < count; ++k) y[c + k][first + q] = sums[q][k];
       }
     }
   }
+}
+
+void Scheduler::exact_product(const Columns& x, std::vector<std::vector<double>>& y) {
+  if (x.size() != columns()) throw Error(ErrorKind::internal, "exact product: wrong number of columns");
+  interflect::exact_product(form_factors_, x, y);
   ++products_;
 }
 

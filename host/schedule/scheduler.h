@@ -17,6 +17,11 @@ namespace interflect {
 /// Columns of N values, one column per channel (and light group), each contiguous.
 using Columns = std::vector<std::vector<float>>;
 
+/// y = F x with every product and sum in double, on the host, from F as it is stored: any number of columns of N
+/// values. Independent of the devices, it is what a result is checked against. The same bits for every number of
+/// threads. Throws an internal Error for a column of another length.
+void exact_product(const FormFactorMatrix& form_factors, const Columns& x, std::vector<std::vector<double>>& y);
+
 /// C columns of n floats on the devices (stride padded to a multiple of 16), or a sums buffer. Made by a Scheduler, and
 /// gone with it: a Vector must not outlive its Scheduler.
 class Vector {
@@ -80,8 +85,7 @@ class Scheduler {
   /// Returns when everything enqueued is done.
   void wait();
 
-  /// y = F x with every product and sum in double, on the host, from F as it is stored: shapes C x N. Independent of
-  /// the devices, it is what a result is checked against. The same bits for every number of threads.
+  /// The free exact_product() of this F, counted. Throws an internal Error for other than C columns of N values.
   void exact_product(const Columns& x, std::vector<std::vector<double>>& y);
 
  private:
