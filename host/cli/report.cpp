@@ -82,7 +82,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["devices"] = summary.solved->devices;
   out["storage"] = {{"format", std::string(name(factors.matrix.storage()))},
                     {"bytes", factors.matrix.bytes()},
-                    {"nonzero_fraction", factors.matrix.nonzero_fraction()}};
+                    {"nonzero_fraction", summary.nonzero_fraction}};
   out["seconds"] = {{"read", loaded.read_seconds},
                     {"mesh", loaded.mesh_seconds},
                     {"form_factors", factors.report.seconds},
@@ -125,8 +125,7 @@ std::string to_text(const SolveSummary& summary) {
   std::string out = fmt::format("scene          {}: {} triangles, {} patches (--divide {:.6g})\n", loaded.scene.file,
                                 loaded.scene.triangles.size(), loaded.mesh.size(), loaded.divide);
   out += fmt::format("form factors   {:.2f} s, {:.0f} MiB, {:.1f} % non-zero\n", summary.factors->report.seconds,
-                     static_cast<double>(summary.factors->matrix.bytes()) / (1 << 20),
-                     100 * summary.factors->matrix.nonzero_fraction());
+                     static_cast<double>(summary.factors->matrix.bytes()) / (1 << 20), 100 * summary.nonzero_fraction);
   out += closure_text(summary.factors->report);
   out += fmt::format("solve          {} on {}: {}, {} iterations, {} products, {:.3f} s\n", name(summary.method),
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,

@@ -15,6 +15,7 @@ struct SolveSummary {
   Method method = Method::cg;
   StopTest stop;
   Energy energy;
+  double nonzero_fraction = 0;  ///< of F: counting is a pass over the whole matrix
   double write_seconds = 0, total_seconds = 0;
 };
 

@@ -160,7 +160,8 @@ int run(const Options& options) {
   const Method method = method_of(options.method);
   const Solved solved = solve_scene(factors.matrix, loaded.mesh, std::move(device), method, options.stop, &console);
 
-  SolveSummary summary{&loaded, &factors, &solved, method, options.stop, {}, 0, 0};
+  SolveSummary summary{&loaded, &factors, &solved, method, options.stop, {}, 0, 0, 0};
+  summary.nonzero_fraction = factors.matrix.nonzero_fraction();
   summary.energy = energy_balance(factors.matrix, loaded.mesh, solved.radiosity, factors.report.row_sum);
   const Timer writing;
   write_outputs(options, summary, console);
