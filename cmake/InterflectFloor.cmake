@@ -24,6 +24,14 @@ function(interflect_floor name)
   if(name STREQUAL "device")
     file(GLOB kernels CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/kernels/omp/*.cpp)
     list(APPEND sources ${kernels})
+    file(GLOB device_kernels CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/kernels/cl/* ${PROJECT_SOURCE_DIR}/kernels/glsl/*
+      ${PROJECT_SOURCE_DIR}/kernels/cuda/*)
+    set(embedded ${PROJECT_BINARY_DIR}/embedded_kernels.cpp)
+    add_custom_command(OUTPUT ${embedded}
+      COMMAND ${CMAKE_COMMAND} -DKERNELS=${PROJECT_SOURCE_DIR}/kernels -DOUT=${embedded}
+        -P ${PROJECT_SOURCE_DIR}/cmake/embed_kernels.cmake
+      DEPENDS ${device_kernels} ${PROJECT_SOURCE_DIR}/cmake/embed_kernels.cmake VERBATIM)
+    list(APPEND sources ${embedded})
   endif()
   set(target interflect_${name})
   add_library(${target} OBJECT ${sources})

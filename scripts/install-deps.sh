@@ -9,6 +9,10 @@ packages=(
   # libraries that the program uses
   libembree-dev libtbb-dev libtinygltf-dev libtinyobjloader-dev libpugixml-dev libcli11-dev nlohmann-json3-dev
   libfmt-dev libhwy-dev libopenexr-dev libpng-dev
+  # loaders and compilers of the GPU backends (CUDA needs nothing to build)
+  ocl-icd-opencl-dev opencl-headers libvulkan-dev glslang-dev spirv-tools
+  # drivers that run GPU kernels on the processor, and what watches them in the tests
+  pocl-opencl-icd mesa-vulkan-drivers vulkan-validationlayers oclgrind
   # tests, benchmarks, sanitizers and fuzzers
   libgtest-dev libgmock-dev libbenchmark-dev
   clang-14 clang-format-14 clang-tidy-14 libomp-14-dev libclang-rt-14-dev llvm-14

@@ -71,7 +71,9 @@ void compare_rows(Finding& finding, const Problem& problem, std::uint32_t column
 
 /// The panels one by one, the last first; each is held against the reference at once.
 Finding run(Device& device, const Problem& problem, std::uint32_t columns, std::uint32_t panel_rows) {
-  const auto kernel = device.kernel("matvec", {{"COLUMNS", static_cast<int>(columns)}});
+  const std::uint32_t group = device.info().rows_per_group;
+  const auto kernel =
+      device.kernel("matvec", {{"COLUMNS", static_cast<int>(columns)}, {"ROWS", static_cast<int>(group)}});
   const std::size_t length = std::size_t{columns} * problem.vector_stride();
   const GuardedBuffer x(device, std::span(problem.x).first(length));
   const GuardedBuffer y(device, std::vector<float>(length, sentinel()));
@@ -83,7 +85,8 @@ Finding run(Device& device, const Problem& problem, std::uint32_t columns, std::
     const GuardedBuffer f(device, std::span(problem.f).subspan(std::size_t{first} * problem.stride,
                                                                std::size_t{arguments.rows} * problem.stride));
     Buffer* const buffers[] = {f.get(), x.get(), y.get()};
-    device.queue().launch(*kernel, 1, buffers, std::as_bytes(std::span(&arguments, 1)), "Check matvec");
+    const std::uint32_t groups = (arguments.rows + group - 1) / group;
+    device.queue().launch(*kernel, groups, buffers, std::as_bytes(std::span(&arguments, 1)), "Check matvec");
     compare_rows(finding, problem, columns, first, y.values(device));
   }
   return finding;

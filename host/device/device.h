@@ -24,19 +24,30 @@ struct DeviceInfo {
   std::uint64_t memory_bytes = 0;
   std::uint64_t max_buffer_bytes = 0;  ///< the largest buffer that a kernel can be given
   std::uint32_t compute_units = 0;
+  std::string hardware;  ///< the same text for one piece of hardware seen through several drivers; empty: not known
+  std::uint32_t max_groups = 0xFFFFFFFF;  ///< work-groups of one launch
+  // Launch shapes that suit the device. No result depends on the second, rounding may on the first.
+  std::uint32_t rows_per_group = 16;   ///< macro ROWS of matvec: rows of F for one work-group
+  std::uint32_t blocks_per_group = 1;  ///< of the vector kernels
+
+  /// A driver that runs GPU kernels on the processor: for tests and comparison, never chosen unless it is named.
+  [[nodiscard]] bool emulated() const { return type == DeviceType::cpu && backend != "openmp"; }
 };
 
 /// Memory on a device; its destructor frees it. Knows its size; contents go through the Queue.
 class Buffer {
  public:
-  explicit Buffer(std::size_t bytes) : size_(bytes) {}
+  explicit Buffer(std::size_t bytes, bool read_only = false) : size_(bytes), read_only_(read_only) {}
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;
   virtual ~Buffer() = default;
   [[nodiscard]] std::size_t size() const { return size_; }
+  /// Made by share(): kernels may read it, nothing may write it.
+  [[nodiscard]] bool read_only() const { return read_only_; }
 
  private:
   std::size_t size_;
+  bool read_only_;
 };
 
 /// A compiled entry point of kernels/.

@@ -7,7 +7,10 @@
 #include <utility>
 
 #include "interflect/base/error.h"
+#include "interflect/device/cuda/cuda.h"
+#include "interflect/device/opencl/opencl.h"
 #include "interflect/device/openmp/openmp.h"
+#include "interflect/device/vulkan/vulkan.h"
 
 // The only file that names all backends. A new one is a line of `backends`.
 
@@ -23,6 +26,9 @@ struct NamedBackend {
 
 /// In the order in which `auto` prefers them.
 constexpr NamedBackend backends[] = {
+    {"cuda", &cuda::list_devices, &cuda::open_device},
+    {"opencl", &opencl::list_devices, &opencl::open_device},
+    {"vulkan", &vulkan::list_devices, &vulkan::open_device},
     {"openmp", &openmp::list_devices, &openmp::open_device},
 };
 
@@ -31,7 +37,8 @@ std::unique_ptr<Device> find(const NamedBackend& backend, std::string_view id) {
   std::uint32_t index = 0;
   for (const DeviceEntry& entry : backend.list()) {
     if (entry.info.id == id && !entry.available) throw device_error(id, "open", entry.reason);
-    if (entry.available && (entry.info.id == id || id == "auto")) return backend.open(index);
+    const bool wanted = entry.info.id == id || (id == "auto" && !entry.info.emulated());
+    if (entry.available && wanted) return backend.open(index);
     ++index;
   }
   return nullptr;

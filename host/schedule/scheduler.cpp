@@ -12,11 +12,7 @@ namespace interflect {
 
 namespace {
 
-constexpr std::uint32_t padding = 16;         // floats: a cache line
-constexpr std::uint32_t rows_per_group = 16;  // of F, for one work-group of the matvec
-// A processor's work-group is a thread's share: below some 16,000 elements waking a second thread costs more than it
-// saves. A GPU wants many groups, one per block.
-constexpr std::uint32_t blocks_per_cpu_group = 16;
+constexpr std::uint32_t padding = 16;             // floats: a cache line
 constexpr std::uint64_t vectors_of_a_solve = 16;  // more than any method needs
 
 std::uint32_t rounded_up(std::uint32_t n, std::uint32_t step) {
@@ -48,9 +44,10 @@ Scheduler::Scheduler(const FormFactorMatrix& form_factors, std::vector<std::uniq
   arguments_.vector_stride = rounded_up(size(), padding) * padding;
   arguments_.columns = columns;
   arguments_.blocks = rounded_up(size(), reduction_block);
-  arguments_.blocks_per_group = device_->info().type == DeviceType::gpu ? 1 : blocks_per_cpu_group;
+  arguments_.blocks_per_group = device_->info().blocks_per_group;
   groups_ = rounded_up(columns * arguments_.blocks, arguments_.blocks_per_group);
-  matvec_ = device_->kernel("matvec", {{"COLUMNS", static_cast<int>(columns)}, {"ROWS", int{rows_per_group}}});
+  matvec_ = device_->kernel(
+      "matvec", {{"COLUMNS", static_cast<int>(columns)}, {"ROWS", static_cast<int>(device_->info().rows_per_group)}});
   place_panels();
 }
 
@@ -140,7 +137,8 @@ void Scheduler::apply(Vector& x, Vector& y) {
                                     .row_stride = form_factors_.stride(),
                                     .vector_stride = stride()};
     const std::array buffers{panel.buffer.get(), x.buffer_.get(), y.buffer_.get()};
-    device_->queue().launch(*matvec_, rounded_up(panel.rows, rows_per_group), buffers, bytes_of(arguments), "y = F x");
+    device_->queue().launch(*matvec_, rounded_up(panel.rows, device_->info().rows_per_group), buffers,
+                            bytes_of(arguments), "y = F x");
   }
   ++products_;
 }

@@ -4,9 +4,9 @@ namespace interflect::omp {
 
 void axpby(const Launch& launch) {
   const Vectors v(launch);
-  const float* x = v.vector(0, "x");
-  float* y = v.vector(1, "y");
-  float* sums = v.sums(2);
+  const float* x = v.floats(0);
+  float* y = v.floats(1);
+  float* sums = v.floats(2);
   v.for_each_block([=, &v](const Block& block) {
     const float a = v.scalar(sums, slot::axpby_a, block.column);
     const float b = v.scalar(sums, slot::axpby_b, block.column);

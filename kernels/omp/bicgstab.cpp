@@ -11,11 +11,11 @@ constexpr float noise_squared = 1e-13F;
 
 void bicgstab_product(const Launch& launch) {
   const Vectors v(launch);
-  const float* x = v.vector(0, "x");
-  float* w = v.vector(1, "y");
-  const float* rho = v.vector(2, "rho");
-  const float* z = v.vector(3, "z");
-  float* sums = v.sums(4);
+  const float* x = v.floats(0);
+  float* w = v.floats(1);
+  const float* rho = v.floats(2);
+  const float* z = v.floats(3);
+  float* sums = v.floats(4);
   v.for_each_block([=, &v](const Block& block) {
     const auto terms = block_sums<5>(block, [=](std::uint64_t i, auto add) {
       w[i] = x[i] - rho[i] * w[i];
@@ -32,9 +32,9 @@ void bicgstab_product(const Launch& launch) {
 
 void bicgstab_half(const Launch& launch) {
   const Vectors v(launch);
-  const float* w = v.vector(0, "v");
-  float* r = v.vector(1, "r");
-  float* sums = v.sums(2);
+  const float* w = v.floats(0);
+  float* r = v.floats(1);
+  float* sums = v.floats(2);
   v.for_each_block([=, &v](const Block& block) {
     const auto scalar = [&](std::uint32_t slot) -> float& { return v.scalar(sums, slot, block.column); };
     const float rr = v.total(sums, sum::rr, block.column);
@@ -85,13 +85,13 @@ HalfStep half_step(const Vectors& v, float* sums, std::uint32_t column) {
 
 void bicgstab_step(const Launch& launch) {
   const Vectors v(launch);
-  const float* w = v.vector(0, "v");
-  const float* t = v.vector(1, "t");
-  float* z = v.vector(2, "z");
-  float* x = v.vector(3, "x");
-  float* r = v.vector(4, "r");
-  float* p = v.vector(5, "p");
-  float* sums = v.sums(6);
+  const float* w = v.floats(0);
+  const float* t = v.floats(1);
+  float* z = v.floats(2);
+  float* x = v.floats(3);
+  float* r = v.floats(4);
+  float* p = v.floats(5);
+  float* sums = v.floats(6);
   v.for_each_block([=, &v](const Block& block) {
     const HalfStep h = half_step(v, sums, block.column);
     const float alpha = h.alpha, omega = h.omega, beta = h.beta;

@@ -23,28 +23,14 @@ struct Block {
   std::uint64_t begin, end;  ///< offset of the column included
 };
 
-/// The launch's argument block and its vectors, checked for size; the sums buffer by slots and sets.
+/// The launch's argument block and its vectors; the sums buffer by slots and sets.
 class Vectors {
  public:
-  explicit Vectors(const Launch& launch) : launch_(launch), a_(launch.arguments<VectorArguments>()) {
-    const std::uint64_t items = std::uint64_t{a_.columns} * a_.blocks;
-    if (a_.columns == 0 || a_.n == 0 || a_.n > a_.vector_stride ||
-        a_.blocks != (a_.n + reduction_block - 1) / reduction_block) {
-      throw KernelRefusal{"the argument block does not describe vectors"};
-    }
-    if (std::uint64_t{launch.groups} * a_.blocks_per_group < items) {
-      throw KernelRefusal{"the work-groups do not cover the vectors"};
-    }
-  }
+  explicit Vectors(const Launch& launch) : launch_(launch), a_(launch.arguments<VectorArguments>()) {}
 
   [[nodiscard]] const VectorArguments& arguments() const { return a_; }
 
-  [[nodiscard]] float* vector(std::size_t buffer, std::string_view what) const {
-    return launch_.elements<float>(buffer, (std::uint64_t{a_.columns} - 1) * a_.vector_stride + a_.n, what);
-  }
-  [[nodiscard]] float* sums(std::size_t buffer) const {
-    return launch_.elements<float>(buffer, sums_size(a_.columns, a_.blocks), "sums");
-  }
+  [[nodiscard]] float* floats(std::size_t buffer) const { return launch_.floats(buffer); }
 
   /// The float of scalar slot `slot` of a column.
   [[nodiscard]] float& scalar(float* sums, std::uint32_t slot, std::uint32_t column) const {

@@ -19,12 +19,12 @@ float flushed(float value) {
 
 void bounce(const Launch& launch) {
   const Vectors v(launch);
-  const float* y = v.vector(0, "y");
-  const float* rho = v.vector(1, "rho");
-  const float* d = v.vector(2, "d");
-  float* r = v.vector(3, "r");
-  float* x = v.vector(4, "x");
-  float* sums = v.sums(5);
+  const float* y = v.floats(0);
+  const float* rho = v.floats(1);
+  const float* d = v.floats(2);
+  float* r = v.floats(3);
+  float* x = v.floats(4);
+  float* sums = v.floats(5);
   const float keep = v.arguments().option == 1 ? 1.0F : 0.0F;
   v.for_each_block([=, &v](const Block& block) {
     const auto [rr, gamma] = block_sums<2>(block, [=](std::uint64_t i, auto add) {

@@ -4,11 +4,11 @@ namespace interflect::omp {
 
 void cg_product(const Launch& launch) {
   const Vectors v(launch);
-  float* w = v.vector(0, "y");
-  const float* rho = v.vector(1, "rho");
-  const float* d = v.vector(2, "d");
-  const float* r = v.vector(3, "r");
-  float* sums = v.sums(4);
+  float* w = v.floats(0);
+  const float* rho = v.floats(1);
+  const float* d = v.floats(2);
+  const float* r = v.floats(3);
+  float* sums = v.floats(4);
   v.for_each_block([=, &v](const Block& block) {
     const auto [delta] = block_sums<1>(block, [=](std::uint64_t i, auto add) {
       w[i] = r[i] - rho[i] * w[i];
@@ -30,13 +30,13 @@ void cg_product(const Launch& launch) {
 
 void cg_step(const Launch& launch) {
   const Vectors v(launch);
-  const float* w = v.vector(0, "w");
-  const float* d = v.vector(1, "d");
-  float* r = v.vector(2, "r");
-  float* p = v.vector(3, "p");
-  float* s = v.vector(4, "s");
-  float* x = v.vector(5, "x");
-  float* sums = v.sums(6);
+  const float* w = v.floats(0);
+  const float* d = v.floats(1);
+  float* r = v.floats(2);
+  float* p = v.floats(3);
+  float* s = v.floats(4);
+  float* x = v.floats(5);
+  float* sums = v.floats(6);
   v.for_each_block([=, &v](const Block& block) {
     const auto scalar = [&](std::uint32_t slot) -> float& { return v.scalar(sums, slot, block.column); };
     const float gamma = scalar(slot::cg_gamma);

@@ -71,8 +71,8 @@ void read(const Launch& launch) {
   const std::uint64_t lines = launch.arguments<StreamArguments>().lines;
   const int streams = launch.macro("STREAMS");
   const std::uint64_t groups = launch.groups;
-  const auto* data = launch.elements<const float>(0, lines * 16, "data");
-  auto* sums = launch.elements<float>(1, groups, "sums");
+  const float* data = launch.floats(0);
+  float* sums = launch.floats(1);
 #pragma omp parallel for schedule(dynamic)
   for (std::uint64_t g = 0; g < groups; ++g) {
     const std::uint64_t first = lines * g / groups;

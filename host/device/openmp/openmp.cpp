@@ -4,6 +4,7 @@
 #include <omp.h>
 #include <unistd.h>
 
+#include <array>
 #include <cstring>
 #include <fstream>
 #include <string>
@@ -35,10 +36,9 @@ class Buffer final : public interflect::Buffer {
   }
   /// Host memory in place; only read.
   explicit Buffer(std::shared_ptr<const PageBuffer> memory)
-      : interflect::Buffer(memory->size()), pages_(std::move(memory)), data_(pages_->data()), shared_(true) {}
+      : interflect::Buffer(memory->size(), true), pages_(std::move(memory)), data_(pages_->data()) {}
 
   [[nodiscard]] std::span<std::byte> bytes() const { return {data_, size()}; }
-  [[nodiscard]] bool shared() const { return shared_; }
 
  private:
   struct alignas(64) Line {
@@ -47,86 +47,59 @@ class Buffer final : public interflect::Buffer {
   std::vector<Line> lines_;
   std::shared_ptr<const PageBuffer> pages_;
   std::byte* data_ = nullptr;
-  bool shared_ = false;
 };
 
 class Kernel final : public interflect::Kernel {
  public:
-  Kernel(const omp::TableLine& line, Macros macros)
-      : interflect::Kernel(std::string(line.name)), line_(line), macros_(std::move(macros)) {}
+  Kernel(FoundKernel found, omp::Function function)
+      : interflect::Kernel(std::string(found.line->name)), found_(std::move(found)), function_(function) {}
 
-  [[nodiscard]] const omp::TableLine& line() const { return line_; }
-  [[nodiscard]] const Macros& macros() const { return macros_; }
+  [[nodiscard]] const KernelLine& line() const { return *found_.line; }
+  [[nodiscard]] const Macros& macros() const { return found_.macros; }
+  [[nodiscard]] omp::Function function() const { return function_; }
 
  private:
-  const omp::TableLine& line_;
-  Macros macros_;
+  FoundKernel found_;
+  omp::Function function_;
 };
-
-/// The object as this backend's own class, or an Error when it was made by another device.
-template <class Own, class Interface>
-Own& own(Interface& object, std::string_view operation) {
-  auto* mine = dynamic_cast<Own*>(&object);
-  if (mine == nullptr) throw device_error(device_id, operation, "a buffer or kernel of another device");
-  return *mine;
-}
-
-void check_range(const interflect::Buffer& buffer, std::size_t offset, std::size_t bytes, std::string_view operation) {
-  if (offset <= buffer.size() && bytes <= buffer.size() - offset) return;
-  throw device_error(device_id, operation,
-                     fmt::format("bytes {} to {} of a buffer of {}", offset, offset + bytes, buffer.size()));
-}
 
 class Queue final : public interflect::Queue {
  public:
+  explicit Queue(const DeviceInfo& info) : info_(info) {}
+
   void upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) override {
-    auto& buffer = own<Buffer>(to, "upload");
-    check_range(to, offset, from.size(), "upload");
-    if (buffer.shared()) throw device_error(device_id, "upload", "the buffer shares memory of the host, read only");
+    auto& buffer = own<Buffer>(to, info_.id, "upload");
+    check_range(info_.id, to, offset, from.size(), "upload");
     if (!from.empty()) std::memcpy(buffer.bytes().data() + offset, from.data(), from.size());
   }
 
   void download(const interflect::Buffer& from, std::size_t offset, std::span<std::byte> to) override {
-    const auto& buffer = own<const Buffer>(from, "download");
-    check_range(from, offset, to.size(), "download");
+    const auto& buffer = own<const Buffer>(from, info_.id, "download");
+    check_range(info_.id, from, offset, to.size(), "download");
     if (!to.empty()) std::memcpy(to.data(), buffer.bytes().data() + offset, to.size());
   }
 
   void launch(const interflect::Kernel& kernel, std::uint32_t groups, std::span<interflect::Buffer* const> buffers,
               std::span<const std::byte> arguments, std::string_view label) override {
-    const std::string operation = fmt::format("launch {} ({})", kernel.name(), label);
-    const auto refuse = [&](std::string_view cause) { throw device_error(device_id, operation, cause); };
-    const auto& mine = own<const Kernel>(kernel, operation);
-    const omp::TableLine& line = mine.line();
-    if (buffers.size() != line.access.size()) {
-      refuse(fmt::format("{} buffers given, {} needed", buffers.size(), line.access.size()));
-    }
-    if (arguments.size() != line.argument_bytes) {
-      refuse(fmt::format("an argument block of {} bytes given, {} needed", arguments.size(), line.argument_bytes));
-    }
-    std::vector<std::span<std::byte>> spans;
-    spans.reserve(buffers.size());
+    const auto& mine = own<const Kernel>(kernel, info_.id, "launch");
+    check_launch(info_, mine.line(), mine.macros(), groups, buffers, arguments, label);
+    std::array<std::span<std::byte>, 8> spans;  // no kernel takes more
     for (std::size_t i = 0; i < buffers.size(); ++i) {
-      if (buffers[i] == nullptr) refuse(fmt::format("buffer {} is missing", i));
-      const auto& buffer = own<const Buffer>(*buffers[i], operation);
-      if (line.access[i] != 'r' && buffer.shared()) {
-        refuse(fmt::format("buffer {} is written, but shares memory of the host, read only", i));
-      }
-      spans.push_back(buffer.bytes());
+      spans[i] = own<const Buffer>(*buffers[i], info_.id, "launch").bytes();
     }
-    try {
-      line.run({groups, spans, arguments, &mine.macros()});
-    } catch (const omp::KernelRefusal& refusal) {
-      refuse(refusal.cause);
-    }
+    omp::Launch call{{groups, arguments, &mine.macros()}, std::span(spans).first(buffers.size())};
+    mine.function()(call);
   }
 
   void wait() override {}  // launches have run when they return
+
+ private:
+  const DeviceInfo& info_;
 };
 
 class Device final : public interflect::Device {
  public:
-  explicit Device(DeviceInfo info) : info_(std::move(info)) {}
+  explicit Device(DeviceInfo info) : info_(std::move(info)), queue_(info_) {}
 
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }
 
@@ -134,43 +107,25 @@ class Device final : public interflect::Device {
     try {
       return std::make_unique<Buffer>(bytes);
     } catch (const Error& error) {
-      throw device_error(device_id, fmt::format("allocate {} bytes", bytes), error.what());
+      refuse(info_.id, fmt::format("allocate {} bytes", bytes), error.what());
     }
   }
 
   [[nodiscard]] std::unique_ptr<interflect::Buffer> share(std::shared_ptr<const PageBuffer> memory) override {
-    if (memory == nullptr) throw device_error(device_id, "share", "no memory given");
+    if (memory == nullptr) refuse(info_.id, "share", "no memory given");
     return std::make_unique<Buffer>(std::move(memory));
   }
 
   [[nodiscard]] std::unique_ptr<interflect::Kernel> kernel(std::string_view name, const Macros& macros) override {
-    const std::string operation = fmt::format("kernel {}", name);
-    for (const omp::TableLine& line : omp::kernel_table()) {
-      if (line.name != name) continue;
-      check_macros(line, macros, operation);
-      return std::make_unique<Kernel>(line, macros);
-    }
-    throw device_error(device_id, operation, "unknown kernel");
+    FoundKernel found = find_kernel(info_.id, name, macros);
+    const omp::Function function = omp::find_function(name);
+    if (function == nullptr) refuse(info_.id, fmt::format("kernel {}", name), "this backend has no such kernel");
+    return std::make_unique<Kernel>(std::move(found), function);
   }
 
   [[nodiscard]] interflect::Queue& queue() override { return queue_; }
 
  private:
-  /// Every macro of the line is given with a value in its range. Others are for other backends and ignored.
-  static void check_macros(const omp::TableLine& line, const Macros& macros, std::string_view operation) {
-    for (const omp::MacroRange& range : line.macros) {
-      const auto given = macros.find(std::string(range.name));
-      if (given == macros.end()) {
-        throw device_error(device_id, operation, fmt::format("macro {} is not given", range.name));
-      }
-      if (given->second < range.smallest || given->second > range.largest) {
-        throw device_error(device_id, operation,
-                           fmt::format("macro {} is {}, it must be {} to {}", range.name, given->second, range.smallest,
-                                       range.largest));
-      }
-    }
-  }
-
   DeviceInfo info_;
   Queue queue_;
 };
@@ -197,14 +152,18 @@ std::string driver() {
 DeviceInfo describe() {
   const std::uint64_t memory =
       static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
-  return {.id = std::string(device_id),
-          .backend = "openmp",
-          .name = processor_name(),
-          .driver = driver(),
-          .type = DeviceType::cpu,
-          .memory_bytes = memory,
-          .max_buffer_bytes = memory,
-          .compute_units = static_cast<std::uint32_t>(::omp_get_max_threads())};
+  return {
+      .id = std::string(device_id),
+      .backend = "openmp",
+      .name = processor_name(),
+      .driver = driver(),
+      .type = DeviceType::cpu,
+      .memory_bytes = memory,
+      .max_buffer_bytes = memory,
+      .compute_units = static_cast<std::uint32_t>(::omp_get_max_threads()),
+      .hardware = {},
+      // A work-group is a thread's share: below some 16,000 elements waking a second thread costs more than it saves.
+      .blocks_per_group = 16};
 }
 
 }  // namespace

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <span>
+#include <string_view>
+
+namespace interflect {
+
+/// A file of kernels/, as it was when the library was built.
+struct EmbeddedKernel {
+  std::string_view path;  ///< "cl/matvec.cl"
+  std::string_view text;
+};
+/// Defined in a file that cmake/embed_kernels.cmake writes at build time.
+[[nodiscard]] std::span<const EmbeddedKernel> embedded_kernels();
+
+}  // namespace interflect

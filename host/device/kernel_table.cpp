@@ -1,0 +1,161 @@
+#include "interflect/device/kernel_table.h"
+
+#include <fmt/format.h>
+
+#include "interflect/base/error.h"
+#include "interflect/device/kernel_arguments.h"
+
+namespace interflect {
+
+namespace {
+
+using Sizes = std::vector<std::uint64_t>;
+
+void demand(bool holds, std::string_view cause) {
+  if (!holds) throw std::string(cause);
+}
+
+std::uint64_t ceil_div(std::uint64_t a, std::uint64_t b) {
+  return (a + b - 1) / b;
+}
+
+Sizes copy_needs(const LaunchShape& launch) {
+  const std::uint64_t floats = std::uint64_t{launch.arguments<StreamArguments>().lines} * 16;
+  return {floats, floats};
+}
+
+Sizes read_needs(const LaunchShape& launch) {
+  const std::uint64_t lines = launch.arguments<StreamArguments>().lines;
+  demand(ceil_div(lines, launch.groups) <= largest_n / 16, "more than 65536 lines for a work-group");
+  return {lines * 16, launch.groups};
+}
+
+Sizes matvec_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<MatvecArguments>();
+  demand(a.row_stride % 16 == 0 && a.vector_stride % 16 == 0, "a stride is not a multiple of 16");
+  demand(a.n <= a.row_stride && a.n <= a.vector_stride, "n is larger than a stride");
+  demand(a.n <= largest_n, "n is larger than 1048576");
+  demand(std::uint64_t{a.first} + a.rows <= a.vector_stride, "the panel's rows end behind the vector");
+  demand(std::uint64_t{launch.groups} * static_cast<std::uint64_t>(launch.macro("ROWS")) >= a.rows,
+         "the work-groups do not cover the panel's rows");
+  const std::uint64_t columns = static_cast<std::uint64_t>(launch.macro("COLUMNS")) * a.vector_stride;
+  return {std::uint64_t{a.rows} * a.row_stride, columns, columns - a.vector_stride + a.first + a.rows};
+}
+
+/// All vector kernels: `Vectors` of them, then the sums buffer.
+template <std::size_t Vectors>
+Sizes vector_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<VectorArguments>();
+  demand(a.columns > 0 && a.n > 0 && a.n <= a.vector_stride && a.vector_stride % 16 == 0 &&
+             a.blocks == ceil_div(a.n, reduction_block),
+         "the argument block does not describe vectors");
+  demand(a.n <= largest_n, "n is larger than 1048576");
+  const std::uint64_t items = std::uint64_t{a.columns} * a.blocks;
+  demand(std::uint64_t{launch.groups} * a.blocks_per_group >= items, "the work-groups do not cover the vectors");
+  Sizes sizes(Vectors, (std::uint64_t{a.columns} - 1) * a.vector_stride + a.n);
+  sizes.push_back(sums_size(a.columns, a.blocks));
+  return sizes;
+}
+
+/// With a set of sums in `option` and, for reduce, a slot.
+template <std::size_t Vectors>
+Sizes set_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<VectorArguments>();
+  demand(a.option < sum_sets && a.slot < scalar_slots, "no such set of sums or slot");
+  return vector_needs<Vectors>(launch);
+}
+
+}  // namespace
+
+std::span<const KernelLine> kernel_table() {
+  constexpr std::size_t stream = sizeof(StreamArguments);
+  constexpr std::size_t vectors = sizeof(VectorArguments);
+  static const std::vector<KernelLine> lines = {
+      {"copy", "copy", "rw", stream, {}, &copy_needs},
+      {"read", "read", "rw", stream, {{"STREAMS", 1, 8, 0}}, &read_needs},
+      {"matvec", "matvec", "rrw", sizeof(MatvecArguments), {{"COLUMNS", 1, 24, 0}, {"ROWS", 1, 64, 16}}, &matvec_needs},
+      {"dot", "reduce", "rrw", vectors, {}, &set_needs<2>},
+      {"reduce", "reduce", "w", vectors, {}, &set_needs<0>},
+      {"axpby", "axpby", "rwr", vectors, {}, &vector_needs<2>},
+      {"bounce", "bounce", "rrrwww", vectors, {}, &vector_needs<5>},
+      {"cg_product", "cg", "wrrrw", vectors, {}, &vector_needs<4>},
+      {"cg_step", "cg", "rrwwwww", vectors, {}, &vector_needs<6>},
+      {"bicgstab_product", "bicgstab", "rwrrw", vectors, {}, &vector_needs<4>},
+      {"bicgstab_half", "bicgstab", "rww", vectors, {}, &vector_needs<2>},
+      {"bicgstab_step", "bicgstab", "rrwwwww", vectors, {}, &vector_needs<6>},
+  };
+  return lines;
+}
+
+void refuse(std::string_view device, std::string_view operation, std::string_view cause) {
+  throw device_error(device, operation, cause);
+}
+
+FoundKernel find_kernel(std::string_view device, std::string_view name, const Macros& macros) {
+  const std::string operation = fmt::format("kernel {}", name);
+  for (const KernelLine& line : kernel_table()) {
+    if (line.name != name) continue;
+    FoundKernel found{&line, {}};
+    for (const MacroRange& range : line.macros) {
+      const auto given = macros.find(std::string(range.name));
+      const int value = given == macros.end() ? range.if_missing : given->second;
+      if (given == macros.end() && value < range.smallest) {
+        refuse(device, operation, fmt::format("macro {} is not given", range.name));
+      }
+      if (value < range.smallest || value > range.largest) {
+        refuse(device, operation,
+               fmt::format("macro {} is {}, it must be {} to {}", range.name, value, range.smallest, range.largest));
+      }
+      found.macros.emplace(range.name, value);
+    }
+    return found;
+  }
+  refuse(device, operation, "unknown kernel");
+}
+
+void check_range(std::string_view device, const Buffer& buffer, std::size_t offset, std::size_t bytes,
+                 std::string_view operation) {
+  if (offset > buffer.size() || bytes > buffer.size() - offset) {
+    refuse(device, operation, fmt::format("bytes {} to {} of a buffer of {}", offset, offset + bytes, buffer.size()));
+  }
+  if (operation == "upload" && buffer.read_only()) {
+    refuse(device, operation, "the buffer shares memory of the host, read only");
+  }
+}
+
+void check_launch(const DeviceInfo& device, const KernelLine& line, const Macros& macros, std::uint32_t groups,
+                  std::span<Buffer* const> buffers, std::span<const std::byte> arguments, std::string_view label) {
+  const auto fail = [&](std::string_view cause) {
+    refuse(device.id, fmt::format("launch {} ({})", line.name, label), cause);
+  };
+  if (buffers.size() != line.access.size()) {
+    fail(fmt::format("{} buffers given, {} needed", buffers.size(), line.access.size()));
+  }
+  if (arguments.size() != line.argument_bytes) {
+    fail(fmt::format("an argument block of {} bytes given, {} needed", arguments.size(), line.argument_bytes));
+  }
+  if (groups == 0) fail("no work-groups");
+  if (groups > device.max_groups) fail(fmt::format("{} work-groups, the device takes {}", groups, device.max_groups));
+  std::vector<std::uint64_t> needed;
+  try {
+    needed = line.needed({groups, arguments, &macros});
+  } catch (const std::string& cause) {
+    fail(cause);
+  }
+  for (std::size_t i = 0; i < buffers.size(); ++i) {
+    if (buffers[i] == nullptr) fail(fmt::format("buffer {} is missing", i));
+    if (line.access[i] != 'r' && buffers[i]->read_only()) {
+      fail(fmt::format("buffer {} is written, but shares memory of the host, read only", i));
+    }
+    if (buffers[i]->size() / sizeof(float) < needed[i]) {
+      fail(fmt::format("buffer {} holds {} bytes, {} are needed", i, buffers[i]->size(), needed[i] * sizeof(float)));
+    }
+    for (std::size_t k = 0; k < i; ++k) {
+      if (buffers[k] == buffers[i] && (line.access[i] != 'r' || line.access[k] != 'r')) {
+        fail(fmt::format("buffers {} and {} are the same, and one is written", k, i));
+      }
+    }
+  }
+}
+
+}  // namespace interflect

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "interflect/device/device.h"
+#include "interflect/device/registry.h"
+
+// The OpenCL backend.
+
+namespace interflect::opencl {
+
+/// Every device that it sees, "opencl:0" and so on, and what keeps it from seeing any.
+[[nodiscard]] std::vector<DeviceEntry> list_devices();
+/// Opens list_devices()[index]. Throws a device Error.
+[[nodiscard]] std::unique_ptr<interflect::Device> open_device(std::uint32_t index);
+
+}  // namespace interflect::opencl
