@@ -1,0 +1,41 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+
+#include "interflect/device/registry.h"
+
+namespace interflect::test {
+
+/// The ids that the tests of all backends are run with; a test of one that is not there is skipped, and says why.
+inline constexpr const char* tested_devices[] = {"openmp", "opencl:0", "vulkan:0", "cuda:0"};
+
+/// A test's name for an id: "opencl:0" is opencl_0.
+inline std::string test_name(const testing::TestParamInfo<const char*>& info) {
+  std::string name = info.param;
+  for (char& c : name) c = c == ':' ? '_' : c;
+  return name;
+}
+
+/// Why the device cannot be opened; empty when it can.
+inline std::string why_unavailable(const std::string& id) {
+  for (const DeviceEntry& entry : list_devices()) {
+    if (entry.info.id == id) return entry.available ? "" : entry.reason;
+  }
+  return "no such device";
+}
+
+/// A test on one device, given by its id.
+class OnDevice : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    const std::string why = why_unavailable(GetParam());
+    if (!why.empty()) GTEST_SKIP() << GetParam() << ": " << why;
+    device = open_device(GetParam());
+  }
+  std::unique_ptr<Device> device;
+};
+
+}  // namespace interflect::test

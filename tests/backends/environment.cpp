@@ -1,0 +1,38 @@
+// What a test process that opens GPU drivers needs of its surroundings, before any of them is loaded.
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+namespace {
+
+/// Compiled kernels are kept between test processes, but two processes never share a folder at the same time: PoCL's
+/// cache does not stand that. The first free one of a few is taken, and its lock held until the process ends.
+struct Environment {
+  Environment() {
+    const std::filesystem::path base = INTERFLECT_TEST_CACHE;
+    for (int k = 0; k < 64; ++k) {
+      const std::filesystem::path folder = base / std::to_string(k);
+      std::error_code ignored;
+      std::filesystem::create_directories(folder / "pocl", ignored);
+      lock = ::open((folder / "lock").c_str(), O_CREAT | O_RDWR, 0644);
+      if (lock < 0) continue;
+      if (::flock(lock, LOCK_EX | LOCK_NB) != 0) {
+        ::close(lock);
+        continue;
+      }
+      ::setenv("POCL_CACHE_DIR", (folder / "pocl").c_str(), 1);
+      ::setenv("XDG_CACHE_HOME", folder.c_str(), 1);
+      return;
+    }
+  }
+  int lock = -1;  // open until the process ends; children inherit it
+};
+
+const Environment environment;
+
+}  // namespace
