@@ -1,0 +1,135 @@
+// The four rooms of scenes/: every device and method gives the radiosities that OpenMP gives, in as many bounces.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <optional>
+
+#include "backends/devices.h"
+#include "interflect/base/error.h"
+#include "interflect/formfactor/assembly.h"
+#include "interflect/scene/patch_mesh.h"
+#include "interflect/solver/solver.h"
+
+#if defined(__SANITIZE_ADDRESS__)
+#define INTERFLECT_SANITIZED 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define INTERFLECT_SANITIZED 1
+#endif
+#endif
+
+namespace interflect {
+namespace {
+
+constexpr std::size_t channels = 3;
+constexpr double bound = 2e-5;  // of the largest radiosity
+
+struct Room {
+  explicit Room(std::uint32_t patches)
+      : mesh(subdivide(
+            read_scene(std::string(INTERFLECT_SOURCE_DIR) + "/scenes/room-" + std::to_string(patches) + ".obj"),
+            {.divide = 1.0})),
+        factors(assemble(mesh)) {}
+  PatchMesh mesh;
+  FormFactors factors;
+};
+
+struct Result {
+  SolveReport report;
+  Columns radiosity;
+};
+
+Result solve_on(const std::string& id, const Room& room, Method method) {
+  const std::size_t n = room.mesh.size();
+  Columns reflectance(channels, std::vector<float>(n)), emittance = reflectance;
+  for (std::size_t c = 0; c < channels; ++c) {
+    for (std::size_t i = 0; i < n; ++i) {
+      reflectance[c][i] = static_cast<float>(room.mesh.reflectance[i][c]);
+      emittance[c][i] = static_cast<float>(room.mesh.emittance[i][c]);
+    }
+  }
+  std::vector<std::unique_ptr<Device>> devices;
+  devices.push_back(open_device(id));
+  Scheduler scheduler(room.factors.matrix, std::move(devices), channels);
+  Result result;
+  result.report = solve(scheduler, method, StopTest{}, room.mesh.area, reflectance, emittance, result.radiosity);
+  EXPECT_TRUE(result.report.converged) << id << " " << name(method) << ": " << result.report.reason;
+  return result;
+}
+
+/// The largest difference, as a share of the largest radiosity.
+double difference(const Columns& a, const Columns& b) {
+  double largest = 0, off = 0;
+  for (std::size_t c = 0; c < channels; ++c) {
+    for (std::size_t i = 0; i < a[c].size(); ++i) {
+      largest = std::max(largest, std::abs(static_cast<double>(b[c][i])));
+      const double d = std::abs(static_cast<double>(a[c][i]) - static_cast<double>(b[c][i]));
+      off = d <= off ? off : d;  // takes a NaN
+    }
+  }
+  return off / largest;
+}
+
+void compare_devices(const Room& room) {
+  constexpr Method methods[] = {Method::cg, Method::bicgstab, Method::jacobi};
+  std::map<Method, Result> openmp;
+  for (const Method method : methods) openmp.emplace(method, solve_on("openmp", room, method));
+  for (const char* id : test::tested_devices) {
+    const std::string why = test::why_unavailable(id);
+    if (!why.empty()) {
+      std::printf("%s is not compared: %s\n", id, why.c_str());
+      continue;
+    }
+    for (const Method method : methods) {
+      const Result result = solve_on(id, room, method);
+      EXPECT_LE(difference(result.radiosity, openmp.at(method).radiosity), bound) << id << " " << name(method);
+      if (method != Method::jacobi) continue;
+      EXPECT_NEAR(result.report.iterations, openmp.at(method).report.iterations, 1) << id;
+    }
+  }
+}
+
+class Rooms : public testing::TestWithParam<std::uint32_t> {};
+
+TEST_P(Rooms, EveryDeviceAndMethodGivesTheSameLight) {
+#ifdef INTERFLECT_SANITIZED
+  if (GetParam() > 3360) GTEST_SKIP() << "too large a room for a run under the sanitizers";
+#endif
+  const Room room(GetParam());
+  ASSERT_EQ(room.mesh.size(), GetParam());
+  compare_devices(room);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Rooms, testing::Values(1312U, 3360U, 9680U, 17128U), testing::PrintToStringParamName());
+
+TEST(SmallPanels, EveryDeviceAndMethodGivesTheSameLight) {
+  ::setenv("INTERFLECT_MAX_PANEL_BYTES", "100000", 1);
+  const Room room(1312);
+  ::unsetenv("INTERFLECT_MAX_PANEL_BYTES");
+  ASSERT_GT(room.factors.matrix.panels().size(), 50U);
+  compare_devices(room);
+}
+
+/// A device whose products lose one of 1,312 columns is seen by the bound.
+TEST(SmallPanels, ALostColumnIsSeen) {
+  const Room room(1312);
+  const Result whole = solve_on("openmp", room, Method::cg);
+  FormFactorMatrix damaged(1312);
+  for (std::uint32_t i = 0; i < 1312; ++i) {
+    const auto from = room.factors.matrix.row(i);
+    auto to = damaged.row(i);
+    std::copy(from.begin(), from.end(), to.begin());
+    to[1311] = 0;
+  }
+  Room broken(1312);
+  broken.factors.matrix = std::move(damaged);
+  const Result result = solve_on("openmp", broken, Method::jacobi);
+  EXPECT_GT(difference(result.radiosity, whole.radiosity), bound);
+}
+
+}  // namespace
+}  // namespace interflect
