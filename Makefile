@@ -1,5 +1,5 @@
 # The two commands of a newcomer: `make demo` and `make test`. Everything else is CMake with its presets.
-.PHONY: deps build demo test asan install format tidy clean
+.PHONY: deps build demo test asan emulated bundle install format tidy clean
 
 deps:
 	@scripts/install-deps.sh
@@ -26,6 +26,15 @@ asan: deps
 	cmake --preset asan
 	cmake --build --preset asan
 	ctest --preset asan -j 2
+
+# Only the tests on GPU drivers that run on the processor (PoCL, lavapipe).
+emulated: build
+	ctest --preset release -L emulated -j 2
+
+# The program with its shared libraries, as a folder and an archive that run elsewhere.
+bundle: deps build/release/build.ninja
+	cmake --build --preset release --target interflect-program
+	scripts/make-bundle.sh build/release build/bundle
 
 install: build
 	cmake --install build/release

@@ -13,6 +13,8 @@ packages=(
   ocl-icd-opencl-dev opencl-headers libvulkan-dev glslang-dev spirv-tools
   # drivers that run GPU kernels on the processor, and what watches them in the tests
   pocl-opencl-icd mesa-vulkan-drivers vulkan-validationlayers oclgrind
+  # the bundle
+  patchelf
   # tests, benchmarks, sanitizers and fuzzers
   libgtest-dev libgmock-dev libbenchmark-dev
   clang-14 clang-format-14 clang-tidy-14 libomp-14-dev libclang-rt-14-dev llvm-14
