@@ -1,15 +1,540 @@
 #include "interflect/device/vulkan/vulkan.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstring>
+#include <string>
+#include <thread>
+#include <utility>
+
 #include "interflect/base/error.h"
+#include "interflect/base/timer.h"
+#include "interflect/device/compile_cache.h"
+#include "interflect/device/kernel_source.h"
+#include "interflect/device/vulkan/api.h"
+#include "interflect/device/vulkan/glsl.h"
 
 namespace interflect::vulkan {
 
-std::vector<DeviceEntry> list_devices() {
-  return {};
+namespace {
+
+// Device-side classes, in the order of device.h: Buffer, Kernel, Queue, Device.
+
+class Queue;
+
+/// Something that commands under way may use: the queue is told before it goes.
+class Used {
+ public:
+  explicit Used(std::shared_ptr<Queue> queue);
+  Used(const Used&) = delete;
+  Used& operator=(const Used&) = delete;
+  ~Used();
+  [[nodiscard]] std::uint64_t number() const { return number_; }
+
+ private:
+  std::shared_ptr<Queue> queue_;
+  std::uint64_t number_;  ///< of this buffer or kernel and no other, ever
+};
+
+class Buffer final : public interflect::Buffer {
+ public:
+  Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue> queue);
+
+  [[nodiscard]] const Memory& memory() const { return memory_; }
+  [[nodiscard]] vk::BufferView texels() const { return *texels_; }
+  [[nodiscard]] std::uint64_t number() const { return used_.number(); }
+
+ private:
+  Memory memory_;
+  vk::raii::BufferView texels_ = nullptr;  ///< where the shape reads by texels
+  Used used_;                              ///< goes first
+};
+
+class Kernel final : public interflect::Kernel {
+ public:
+  Kernel(FoundKernel found, const Context& context, std::shared_ptr<Queue> queue, std::span<const std::byte> binary);
+
+  [[nodiscard]] const KernelLine& line() const { return *found_.line; }
+  [[nodiscard]] const Macros& macros() const { return found_.macros; }
+  [[nodiscard]] vk::Pipeline pipeline() const { return *pipeline_; }
+  [[nodiscard]] vk::PipelineLayout layout() const { return *layout_; }
+  [[nodiscard]] vk::DescriptorSetLayout set_layout() const { return *set_layout_; }
+  [[nodiscard]] vk::DescriptorType type(std::size_t buffer) const { return types_[buffer]; }
+  [[nodiscard]] std::uint32_t chunks() const { return chunks_; }
+  [[nodiscard]] std::uint64_t number() const { return used_.number(); }
+
+ private:
+  FoundKernel found_;
+  std::vector<vk::DescriptorType> types_;
+  std::uint32_t chunks_ = 1;  ///< of matvec's columns: work-groups side by side
+  vk::raii::DescriptorSetLayout set_layout_ = nullptr;
+  vk::raii::PipelineLayout layout_ = nullptr;
+  vk::raii::Pipeline pipeline_ = nullptr;
+  Used used_;  ///< goes first
+};
+
+class Queue final : public interflect::Queue {
+ public:
+  Queue(std::shared_ptr<Context> context, const DeviceInfo& info);
+  ~Queue() override;
+
+  void upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) override;
+  void download(const interflect::Buffer& from, std::size_t offset, std::span<std::byte> to) override;
+  void launch(const interflect::Kernel& kernel, std::uint32_t groups, std::span<interflect::Buffer* const> buffers,
+              std::span<const std::byte> arguments, std::string_view label) override;
+  void wait() override;
+
+  void clear(const Buffer& buffer);
+  /// Before a buffer or kernel goes: waits for what may use it and drops the descriptor sets that name it.
+  void forget(std::uint64_t number) noexcept;
+
+ private:
+  static constexpr std::uint32_t most_launches = 64;  ///< in a submission: no watchdog waits for longer
+  static constexpr std::size_t piece = std::size_t{16} << 20;
+
+  /// A command buffer, what tells when it is done, and memory for its transfers.
+  struct Slot {
+    vk::raii::CommandBuffer commands;
+    vk::raii::Fence fence;
+    Memory staging;
+    bool under_way = false;
+  };
+  struct Set {
+    vk::raii::DescriptorPool pool = nullptr;
+    vk::raii::DescriptorSet set = nullptr;
+  };
+  using Key = std::array<std::uint64_t, 9>;  ///< numbers of a kernel and its buffers; no kernel takes more
+
+  vk::CommandBuffer record();
+  void submit();
+  void finish(Slot& slot);
+  void finish_all();
+  Slot& begin_piece();
+  vk::DescriptorSet bind(const Kernel& kernel, std::span<interflect::Buffer* const> buffers);
+  Set make_set(const Kernel& kernel, std::span<interflect::Buffer* const> buffers);
+
+  std::shared_ptr<Context> context_;
+  const DeviceInfo& info_;
+  vk::raii::Queue queue_;
+  vk::raii::CommandPool pool_;
+  std::vector<Slot> slots_;
+  std::size_t current_ = 0;
+  std::uint32_t recorded_ = 0;  ///< in the current slot; 0: it is not being recorded
+  std::map<Key, Set> sets_;
+};
+
+Used::Used(std::shared_ptr<Queue> queue) : queue_(std::move(queue)) {
+  static std::atomic<std::uint64_t> last = 0;
+  number_ = ++last;
 }
 
-std::unique_ptr<interflect::Device> open_device(std::uint32_t /*index*/) {
-  throw device_error("vulkan", "open", "there is no such device");
+Used::~Used() {
+  queue_->forget(number_);
+}
+
+constexpr std::size_t rounded(std::size_t bytes) {
+  return std::max<std::size_t>(64, (bytes + 63) / 64 * 64);  // whole fours
+}
+
+Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue> queue)
+    : interflect::Buffer(bytes), used_(std::move(queue)) {
+  using Usage = vk::BufferUsageFlagBits;
+  vk::BufferUsageFlags usage = Usage::eStorageBuffer | Usage::eTransferSrc | Usage::eTransferDst;
+  if (context.shape.texel) usage |= Usage::eStorageTexelBuffer;
+  memory_ = allocate_memory(context, rounded(bytes), usage, context.shape.staged ? Place::device : Place::shared);
+  if (context.shape.texel) {
+    texels_ =
+        vk::raii::BufferView(context.device, {{}, *memory_.buffer, vk::Format::eR32G32B32A32Sfloat, 0, VK_WHOLE_SIZE});
+  }
+}
+
+/// Whether a buffer of the kernel is declared with INPUT_FOURS (kernels/glsl/fours.comp).
+bool reads_fours(std::string_view kernel, std::size_t buffer) {
+  return kernel == "matvec" ? buffer < 2 : (kernel == "read" || kernel == "copy") && buffer == 0;
+}
+
+std::uint32_t chunk_columns(std::uint32_t columns, std::uint32_t largest) {
+  const std::uint32_t chunks = (columns + largest - 1) / largest;
+  return (columns + chunks - 1) / chunks;
+}
+
+Kernel::Kernel(FoundKernel found, const Context& context, std::shared_ptr<Queue> queue,
+               std::span<const std::byte> binary)
+    : interflect::Kernel(std::string(found.line->name)), found_(std::move(found)), used_(std::move(queue)) {
+  using Stage = vk::ShaderStageFlagBits;
+  std::vector<vk::DescriptorSetLayoutBinding> bindings;
+  for (std::uint32_t i = 0; i < line().access.size(); ++i) {
+    const bool texel = context.shape.texel && reads_fours(name(), i);
+    types_.push_back(texel ? vk::DescriptorType::eStorageTexelBuffer : vk::DescriptorType::eStorageBuffer);
+    bindings.emplace_back(i, types_.back(), 1, Stage::eCompute);
+  }
+  if (const auto columns = macros().find("COLUMNS"); columns != macros().end()) {
+    const auto count = static_cast<std::uint32_t>(columns->second);
+    const std::uint32_t chunk = chunk_columns(count, context.shape.chunk);
+    chunks_ = (count + chunk - 1) / chunk;
+  }
+  set_layout_ = {context.device, vk::DescriptorSetLayoutCreateInfo({}, bindings)};
+  const vk::PushConstantRange range(Stage::eCompute, 0, static_cast<std::uint32_t>(line().argument_bytes));
+  layout_ = {context.device, vk::PipelineLayoutCreateInfo({}, *set_layout_, range)};
+
+  std::vector<std::uint32_t> words(binary.size() / sizeof(std::uint32_t));
+  std::memcpy(words.data(), binary.data(), words.size() * sizeof(std::uint32_t));
+  const vk::raii::ShaderModule module(context.device, vk::ShaderModuleCreateInfo({}, words));
+  vk::PipelineShaderStageCreateInfo stage({}, Stage::eCompute, *module, "main");
+  const vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo size(context.shape.subgroup);
+  if (context.shape.subgroup != 0) stage.setPNext(&size);
+  pipeline_ = {context.device, nullptr, vk::ComputePipelineCreateInfo({}, stage, *layout_)};
+}
+
+Queue::Queue(std::shared_ptr<Context> context, const DeviceInfo& info)
+    : context_(std::move(context)),
+      info_(info),
+      queue_(context_->device.getQueue(context_->adapter.family, 0)),
+      pool_(context_->device, {vk::CommandPoolCreateFlagBits::eResetCommandBuffer, context_->adapter.family}) {
+  constexpr std::uint32_t count = 3;  // one is recorded, one waits, one runs
+  const vk::CommandBufferAllocateInfo wanted(*pool_, vk::CommandBufferLevel::ePrimary, count);
+  for (vk::raii::CommandBuffer& commands : vk::raii::CommandBuffers(context_->device, wanted)) {
+    slots_.push_back({std::move(commands), vk::raii::Fence(context_->device, vk::FenceCreateInfo()), {}});
+  }
+}
+
+Queue::~Queue() {
+  try {
+    finish_all();
+  } catch (...) {  // a lost device: nothing runs any more
+  }
+}
+
+void Queue::upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) {
+  auto& buffer = own<Buffer>(to, info_.id, "upload");
+  check_range(info_.id, to, offset, from.size(), "upload");
+  if (from.empty()) return;
+  attempt(info_.id, "upload", [&] {
+    if (buffer.memory().mapped != nullptr) {
+      finish_all();  // what runs may still read the old contents
+      std::memcpy(buffer.memory().mapped + offset, from.data(), from.size());
+      return;
+    }
+    for (std::size_t done = 0; done < from.size(); done += piece) {
+      const std::span<const std::byte> part = from.subspan(done, std::min(piece, from.size() - done));
+      const Slot& slot = begin_piece();
+      std::memcpy(slot.staging.mapped, part.data(), part.size());
+      record().copyBuffer(*slot.staging.buffer, *buffer.memory().buffer, vk::BufferCopy(0, offset + done, part.size()));
+      submit();
+    }
+  });
+}
+
+void Queue::download(const interflect::Buffer& from, std::size_t offset, std::span<std::byte> to) {
+  const auto& buffer = own<const Buffer>(from, info_.id, "download");
+  check_range(info_.id, from, offset, to.size(), "download");
+  attempt(info_.id, "download", [&] {
+    if (buffer.memory().mapped != nullptr) {
+      finish_all();
+      if (!to.empty()) std::memcpy(to.data(), buffer.memory().mapped + offset, to.size());
+      return;
+    }
+    for (std::size_t done = 0; done < to.size(); done += piece) {
+      const std::span<std::byte> part = to.subspan(done, std::min(piece, to.size() - done));
+      Slot& slot = begin_piece();
+      record().copyBuffer(*buffer.memory().buffer, *slot.staging.buffer, vk::BufferCopy(offset + done, 0, part.size()));
+      submit();
+      finish(slot);
+      std::memcpy(part.data(), slot.staging.mapped, part.size());
+    }
+  });
+  context_->instance->messages().raise(info_.id, "download");
+}
+
+void Queue::launch(const interflect::Kernel& kernel, std::uint32_t groups, std::span<interflect::Buffer* const> buffers,
+                   std::span<const std::byte> arguments, std::string_view label) {
+  const auto& mine = own<const Kernel>(kernel, info_.id, "launch");
+  check_launch(info_, mine.line(), mine.macros(), groups, buffers, arguments, label);
+  attempt(info_.id, fmt::format("launch {} ({})", mine.name(), label), [&] {
+    const vk::DescriptorSet set = bind(mine, buffers);
+    const vk::CommandBuffer commands = record();
+    const auto& d = *context_->device.getDispatcher();
+    commands.bindPipeline(vk::PipelineBindPoint::eCompute, mine.pipeline(), d);
+    commands.bindDescriptorSets(vk::PipelineBindPoint::eCompute, mine.layout(), 0, set, nullptr, d);
+    commands.pushConstants(mine.layout(), vk::ShaderStageFlagBits::eCompute, 0,
+                           static_cast<std::uint32_t>(arguments.size()), arguments.data(), d);
+    commands.dispatch(mine.chunks(), groups, 1, d);
+    if (recorded_ >= most_launches) submit();
+  });
+}
+
+void Queue::wait() {
+  attempt(info_.id, "wait", [&] { finish_all(); });
+  context_->instance->messages().raise(info_.id, "wait");
+}
+
+/// Fills a new buffer with zeros.
+void Queue::clear(const Buffer& buffer) {
+  if (buffer.memory().mapped != nullptr) {
+    std::memset(buffer.memory().mapped, 0, rounded(buffer.size()));
+  } else {
+    record().fillBuffer(*buffer.memory().buffer, 0, VK_WHOLE_SIZE, 0, *context_->device.getDispatcher());
+  }
+}
+
+void Queue::forget(std::uint64_t number) noexcept {
+  try {
+    finish_all();
+  } catch (...) {  // a lost device: nothing runs any more
+  }
+  std::erase_if(sets_, [&](const auto& entry) {
+    return std::find(entry.first.begin(), entry.first.end(), number) != entry.first.end();
+  });
+}
+
+/// The command buffer for one more command, behind a barrier that lets it see all that came before.
+vk::CommandBuffer Queue::record() {
+  using Stage = vk::PipelineStageFlagBits;
+  using Access = vk::AccessFlagBits;
+  Slot& slot = slots_[current_];
+  if (recorded_ == 0) {
+    finish(slot);
+    slot.commands.begin({vk::CommandBufferUsageFlagBits::eOneTimeSubmit});
+  }
+  ++recorded_;
+  const vk::MemoryBarrier barrier(
+      Access::eShaderWrite | Access::eTransferWrite,
+      Access::eShaderRead | Access::eShaderWrite | Access::eTransferRead | Access::eTransferWrite);
+  slot.commands.pipelineBarrier(Stage::eComputeShader | Stage::eTransfer, Stage::eComputeShader | Stage::eTransfer, {},
+                                barrier, nullptr, nullptr);
+  return *slot.commands;
+}
+
+/// Hands what is recorded to the device and goes on with the next command buffer.
+void Queue::submit() {
+  using Stage = vk::PipelineStageFlagBits;
+  using Access = vk::AccessFlagBits;
+  if (recorded_ == 0) return;
+  Slot& slot = slots_[current_];
+  const vk::MemoryBarrier barrier(Access::eShaderWrite | Access::eTransferWrite, Access::eHostRead);
+  slot.commands.pipelineBarrier(Stage::eComputeShader | Stage::eTransfer, Stage::eHost, {}, barrier, nullptr, nullptr);
+  recorded_ = 0;  // whatever happens now, these commands are not run again
+  slot.commands.end();
+  const vk::CommandBuffer commands = *slot.commands;
+  queue_.submit(vk::SubmitInfo({}, {}, commands), *slot.fence);
+  slot.under_way = true;
+  current_ = (current_ + 1) % slots_.size();
+}
+
+void Queue::finish(Slot& slot) {
+  if (!slot.under_way) return;
+  static_cast<void>(context_->device.waitForFences(*slot.fence, true, UINT64_MAX));
+  slot.under_way = false;
+  context_->device.resetFences(*slot.fence);
+}
+
+void Queue::finish_all() {
+  submit();
+  for (Slot& slot : slots_) finish(slot);
+}
+
+/// An empty command buffer whose staging memory nothing uses.
+Queue::Slot& Queue::begin_piece() {
+  submit();
+  Slot& slot = slots_[current_];
+  finish(slot);
+  if (slot.staging.mapped == nullptr) {
+    using Usage = vk::BufferUsageFlagBits;
+    slot.staging = allocate_memory(*context_, piece, Usage::eTransferSrc | Usage::eTransferDst, Place::staging);
+  }
+  return slot;
+}
+
+/// The descriptor set of a kernel with these buffers: made at the first launch, then used again.
+vk::DescriptorSet Queue::bind(const Kernel& kernel, std::span<interflect::Buffer* const> buffers) {
+  Key key{kernel.number()};
+  for (std::size_t i = 0; i < buffers.size(); ++i) key[i + 1] = own<Buffer>(*buffers[i], info_.id, "launch").number();
+  auto found = sets_.find(key);
+  if (found == sets_.end()) found = sets_.emplace(key, make_set(kernel, buffers)).first;
+  return *found->second.set;
+}
+
+Queue::Set Queue::make_set(const Kernel& kernel, std::span<interflect::Buffer* const> buffers) {
+  std::vector<vk::DescriptorPoolSize> sizes;
+  for (std::size_t i = 0; i < buffers.size(); ++i) sizes.emplace_back(kernel.type(i), 1);
+  Set made;
+  made.pool = {context_->device, {vk::DescriptorPoolCreateFlagBits::eFreeDescriptorSet, 1, sizes}};
+  const vk::DescriptorSetLayout layout = kernel.set_layout();
+  made.set = std::move(vk::raii::DescriptorSets(context_->device, {*made.pool, layout}).front());
+  std::vector<vk::DescriptorBufferInfo> whole;
+  std::vector<vk::BufferView> texels;
+  for (interflect::Buffer* buffer : buffers) {
+    const auto& mine = own<const Buffer>(*buffer, info_.id, "launch");
+    whole.emplace_back(*mine.memory().buffer, 0, VK_WHOLE_SIZE);
+    texels.push_back(mine.texels());
+  }
+  std::vector<vk::WriteDescriptorSet> writes;
+  for (std::uint32_t i = 0; i < buffers.size(); ++i) {
+    writes.emplace_back(*made.set, i, 0, 1, kernel.type(i), nullptr, &whole[i], &texels[i]);
+  }
+  context_->device.updateDescriptorSets(writes, nullptr);
+  return made;
+}
+
+class Device final : public interflect::Device {
+ public:
+  Device(DeviceInfo info, std::shared_ptr<Context> context)
+      : info_(std::move(info)),
+        context_(std::move(context)),
+        queue_(attempt(info_.id, "open", [&] { return std::make_shared<Queue>(context_, info_); })) {}
+
+  [[nodiscard]] const DeviceInfo& info() const override { return info_; }
+
+  [[nodiscard]] std::unique_ptr<interflect::Buffer> allocate(std::size_t bytes) override {
+    const std::string operation = fmt::format("allocate {} bytes", bytes);
+    if (bytes > info_.max_buffer_bytes) {
+      refuse(info_.id, operation, fmt::format("a buffer has {} at most", info_.max_buffer_bytes));
+    }
+    return attempt(info_.id, operation, [&] {
+      auto buffer = std::make_unique<Buffer>(bytes, *context_, queue_);
+      queue_->clear(*buffer);
+      return buffer;
+    });
+  }
+
+  [[nodiscard]] std::unique_ptr<interflect::Buffer> share(std::shared_ptr<const PageBuffer> memory) override {
+    if (memory == nullptr) refuse(info_.id, "share", "no memory given");
+    return nullptr;  // would need an extension
+  }
+
+  [[nodiscard]] std::unique_ptr<interflect::Kernel> kernel(std::string_view name, const Macros& macros) override;
+
+  [[nodiscard]] interflect::Queue& queue() override { return *queue_; }
+
+ private:
+  DeviceInfo info_;
+  std::shared_ptr<Context> context_;
+  std::shared_ptr<Queue> queue_;
+};
+
+/// What stands before a kernel's source: version, extensions, and the macros of this device.
+std::string preamble(const FoundKernel& found, const Shape& shape) {
+  std::string out = "#version 450\n#extension GL_GOOGLE_cpp_style_line_directive : require\n";
+  if (shape.subgroups != 0) {
+    out +=
+        "#extension GL_KHR_shader_subgroup_basic : require\n"
+        "#extension GL_KHR_shader_subgroup_arithmetic : require\n";
+  }
+  const auto define = [&out](std::string_view name, std::uint32_t value) {
+    out += fmt::format("#define {} {}u\n", name, value);
+  };
+  out += fmt::format("#define KERNEL_{}\n#define WORKGROUP {}\n", found.line->name, shape.workgroup);
+  if (shape.subgroups != 0) out += fmt::format("#define SUBGROUPS {}\n", shape.subgroups);
+  if (shape.texel) out += "#define TEXEL\n";
+  for (const auto& [macro, value] : found.macros) define(macro, static_cast<std::uint32_t>(value));
+  if (const auto columns = found.macros.find("COLUMNS"); columns != found.macros.end()) {
+    define("CHUNK", chunk_columns(static_cast<std::uint32_t>(columns->second), shape.chunk));
+  }
+  return out;
+}
+
+std::unique_ptr<interflect::Kernel> Device::kernel(std::string_view name, const Macros& macros) {
+  FoundKernel found = find_kernel(info_.id, name, macros);
+  const std::string operation = fmt::format("kernel {}", name);
+  const std::string options = preamble(found, context_->shape);
+  const std::string source = kernel_source("glsl", fmt::format("{}.comp", found.line->file));
+  // SPIR-V is the same for all devices; what a driver makes of it, the driver keeps.
+  const CompileKey key{"vulkan", "SPIR-V 1.3", glslang_version(), options, source};
+  std::vector<std::byte> binary;
+  try {
+    binary = cached_compile(key, [&] { return compile_glsl(options + source); });
+  } catch (const std::string& log) {
+    refuse(info_.id, operation, log);
+  }
+  const Timer timer;
+  auto kernel = attempt(info_.id, operation,
+                        [&] { return std::make_unique<Kernel>(std::move(found), *context_, queue_, binary); });
+  add_compile_seconds(timer.seconds());
+  return kernel;
+}
+
+DeviceType device_type(vk::PhysicalDeviceType type) {
+  switch (type) {
+    case vk::PhysicalDeviceType::eCpu: return DeviceType::cpu;
+    case vk::PhysicalDeviceType::eDiscreteGpu:
+    case vk::PhysicalDeviceType::eIntegratedGpu:
+    case vk::PhysicalDeviceType::eVirtualGpu: return DeviceType::gpu;
+    default: return DeviceType::other;
+  }
+}
+
+std::uint64_t local_memory(const vk::raii::PhysicalDevice& physical) {
+  std::uint64_t largest = 0;
+  const vk::PhysicalDeviceMemoryProperties memory = physical.getMemoryProperties();
+  for (std::uint32_t i = 0; i < memory.memoryHeapCount; ++i) {
+    const bool local = static_cast<bool>(memory.memoryHeaps[i].flags & vk::MemoryHeapFlagBits::eDeviceLocal);
+    if (local) largest = std::max<std::uint64_t>(largest, memory.memoryHeaps[i].size);
+  }
+  return largest;
+}
+
+DeviceInfo describe(std::size_t index, const Adapter& adapter) {
+  const vk::PhysicalDeviceLimits& limits = adapter.properties.limits;
+  DeviceInfo info{.id = fmt::format("vulkan:{}", index),
+                  .backend = "vulkan",
+                  .name = adapter.properties.deviceName.data(),
+                  .driver = adapter.driver,
+                  .type = device_type(adapter.properties.deviceType),
+                  .memory_bytes = local_memory(adapter.physical),
+                  .max_buffer_bytes = limits.maxStorageBufferRange / 64 * 64,
+                  .hardware = {}};
+  const bool cpu = info.type == DeviceType::cpu;
+  if (cpu) info.compute_units = std::thread::hardware_concurrency();  // of a GPU the core of Vulkan does not tell
+  if (info.type == DeviceType::gpu) info.hardware = adapter.uuid;
+  // In kernels/glsl the groups lie along y; read multiplies two numbers of groups in 32 bits.
+  info.max_groups = std::min(65535U, limits.maxComputeWorkGroupCount[1]);
+  return info;
+}
+
+/// The one entry that says why there is none.
+std::vector<DeviceEntry> none(std::string reason) {
+  DeviceEntry entry{.info = {.id = "vulkan:0", .backend = "vulkan", .name = {}, .driver = {}, .hardware = {}},
+                    .available = false,
+                    .reason = std::move(reason)};
+  return {std::move(entry)};
+}
+
+}  // namespace
+
+std::vector<DeviceEntry> list_devices() {
+  std::vector<DeviceEntry> entries;
+  try {
+    const Instance instance;
+    for (const Adapter& adapter : adapters(instance)) {
+      entries.push_back({describe(entries.size(), adapter), adapter.reason.empty(), adapter.reason});
+    }
+  } catch (const vk::IncompatibleDriverError& error) {
+    return none(fmt::format("no Vulkan driver found: {}", text(error)));
+  } catch (const vk::SystemError& error) {
+    return none(fmt::format("libvulkan: {}", text(error)));
+  } catch (const Error& error) {
+    return none(error.what());
+  }
+  if (entries.empty()) return none("no Vulkan device found");
+  return entries;
+}
+
+std::unique_ptr<interflect::Device> open_device(std::uint32_t index) {
+  const std::string id = fmt::format("vulkan:{}", index);
+  auto instance = attempt(id, "open", [] { return std::make_shared<Instance>(); });
+  std::vector<Adapter> all = attempt(id, "open", [&] { return adapters(*instance); });
+  if (index >= all.size()) refuse(id, "open", "there is no such device");
+  DeviceInfo info = describe(index, all[index]);
+  auto context = open_context(id, std::move(instance), std::move(all[index]));
+  info.rows_per_group = context->shape.rows;
+  if (context->shape.texel) {
+    const std::uint64_t texels = context->adapter.properties.limits.maxTexelBufferElements;
+    info.max_buffer_bytes = std::min(info.max_buffer_bytes, texels * 16 / 64 * 64);
+  }
+  return std::make_unique<Device>(std::move(info), std::move(context));
 }
 
 }  // namespace interflect::vulkan

@@ -7,7 +7,18 @@
 #include "interflect/device/device.h"
 #include "interflect/device/registry.h"
 
-// The Vulkan backend.
+// The Vulkan backend: compute through the Vulkan loader on any device of version 1.1, with no extension required.
+// Kernels are kernels/glsl/*.comp, compiled by glslang in the process.
+//
+// The environment can say:
+//   INTERFLECT_VULKAN_SHAPE       cpu or gpu: how kernels are cut and memory is used, else chosen by device properties.
+//                                 cpu: work-groups of one subgroup, matrix and vectors read as texel buffers.
+//                                 gpu: work-groups of 256, storage buffers, memory reached by staging copies.
+//   INTERFLECT_VULKAN_SUBGROUP    the subgroup size, where the device lets choose; 0: shared memory instead of
+//                                 subgroup operations.
+//   INTERFLECT_VULKAN_VALIDATION  1: under the Khronos validation layer with synchronisation validation. Any warning or
+//                                 error of it is a device Error of the next wait() or download().
+// A value that is not one of these, or that the device cannot, is a device Error.
 
 namespace interflect::vulkan {
 

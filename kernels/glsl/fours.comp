@@ -1,0 +1,12 @@
+// Reading memory by fours of floats, as a storage buffer or, with TEXEL, as a texel buffer: llvmpipe loads the lanes of
+// a storage buffer one by one, each with a branch of its own, those of a texel buffer by whole texels.
+// INPUT_FOURS(binding, name) declares name, FOUR(name, i) is its i-th four.
+
+#ifdef TEXEL
+#define INPUT_FOURS(index, name) layout(set = 0, binding = index, rgba32f) uniform readonly restrict imageBuffer name;
+#define FOUR(name, i) imageLoad(name, int(i))
+#else
+#define INPUT_FOURS(index, name) \
+  layout(set = 0, binding = index, std430) readonly restrict buffer Fours_##name { vec4 name[]; };
+#define FOUR(name, i) name[i]
+#endif
