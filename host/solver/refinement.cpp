@@ -161,7 +161,7 @@ Verdict Refinement::iterate(std::span<const float> target) {
                                : progress_made(stop_.tolerance, worst));
     const bool exactly = stop_.iterations.has_value() && verdict != Verdict::not_finite;
     if ((verdict != Verdict::go_on && !exactly) || budget() == 0) return verdict;
-    if (since_checkpoint_.seconds() >= interval_) take_checkpoint();
+    if (made_ > kept_ && since_checkpoint_.seconds() >= interval_) take_checkpoint();
     correction_->iterate();
     count(1);
   }
