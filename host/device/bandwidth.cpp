@@ -30,40 +30,6 @@ std::span<const std::byte> bytes_of(const StreamArguments& arguments) {
   return std::as_bytes(std::span(&arguments, 1));
 }
 
-/// The `read` kernel over one buffer, ready to run.
-class Reader {
- public:
-  Reader(Device& device, Buffer& data, int streams)
-      : device_(device),
-        data_(data),
-        arguments_{lines_in(data)},
-        groups_(groups_for(arguments_.lines)),
-        kernel_(device.kernel("read", {{"STREAMS", streams}})),
-        sums_(device.allocate(groups_ * sizeof(float))) {}
-
-  [[nodiscard]] double seconds() {
-    Buffer* const buffers[] = {&data_, sums_.get()};
-    const Timer timer;
-    device_.queue().launch(*kernel_, groups_, buffers, bytes_of(arguments_), "Measure reading");
-    device_.queue().wait();
-    return timer.seconds();
-  }
-
-  [[nodiscard]] std::vector<float> sums() {
-    std::vector<float> values(groups_);
-    device_.queue().download(*sums_, 0, std::as_writable_bytes(std::span(values)));
-    return values;
-  }
-
- private:
-  Device& device_;
-  Buffer& data_;
-  StreamArguments arguments_;
-  std::uint32_t groups_;
-  std::unique_ptr<Kernel> kernel_;
-  std::unique_ptr<Buffer> sums_;
-};
-
 Rate rate_of(std::string what, std::uint64_t bytes, std::vector<double> seconds) {
   std::sort(seconds.begin(), seconds.end());
   return {.what = std::move(what),
@@ -78,27 +44,6 @@ Rate rate_of(std::string what, std::uint64_t bytes, std::vector<double> seconds)
 void deny(Rate& rate, std::string reason) {
   rate.verified = false;
   rate.reason = std::move(reason);
-}
-
-void fill(Device& device, Buffer& buffer, float value) {
-  const std::vector<float> chunk((std::size_t{16} << 20) / sizeof(float), value);
-  const std::span<const std::byte> all = std::as_bytes(std::span(chunk));
-  for (std::size_t done = 0; done < buffer.size(); done += all.size()) {
-    device.queue().upload(buffer, done, all.first(std::min(all.size(), buffer.size() - done)));
-  }
-}
-
-/// Whether every element of the buffer is `value`.
-bool filled_with(Device& device, const Buffer& buffer, float value) {
-  std::vector<float> chunk((std::size_t{16} << 20) / sizeof(float));
-  const std::span<std::byte> all = std::as_writable_bytes(std::span(chunk));
-  for (std::size_t done = 0; done < buffer.size(); done += all.size()) {
-    const std::size_t bytes = std::min(all.size(), buffer.size() - done);
-    device.queue().download(buffer, done, all.first(bytes));
-    const auto end = chunk.begin() + static_cast<std::ptrdiff_t>(bytes / sizeof(float));
-    if (std::any_of(chunk.begin(), end, [&](float x) { return x != value; })) return false;
-  }
-  return true;
 }
 
 Rate copy_bandwidth(Device& device, Buffer& from, Buffer& to, int repetitions, float value) {
@@ -124,8 +69,66 @@ void check_repetitions(int repetitions) {
 
 }  // namespace
 
+Reader::Reader(Device& device, const std::vector<Buffer*>& buffers, int streams)
+    : device_(device), kernel_(device.kernel("read", {{"STREAMS", streams}})) {
+  for (Buffer* buffer : buffers) {
+    const std::uint32_t lines = lines_in(*buffer);
+    const std::uint32_t groups = groups_for(lines);
+    parts_.push_back({buffer, lines, groups, device.allocate(groups * sizeof(float))});
+    bytes_ += line_bytes * lines;
+  }
+}
+
+double Reader::seconds() {
+  const Timer timer;
+  for (const Part& part : parts_) {
+    Buffer* const buffers[] = {part.data, part.sums.get()};
+    const StreamArguments arguments{part.lines};
+    device_.queue().launch(*kernel_, part.groups, buffers, bytes_of(arguments), "Measure reading");
+  }
+  device_.queue().wait();
+  return timer.seconds();
+}
+
+std::vector<float> Reader::sums() {
+  std::vector<float> all;
+  for (const Part& part : parts_) {
+    std::vector<float> values(part.groups);
+    device_.queue().download(*part.sums, 0, std::as_writable_bytes(std::span(values)));
+    all.insert(all.end(), values.begin(), values.end());
+  }
+  return all;
+}
+
+double Reader::bound() const {
+  std::uint32_t most = 0;
+  for (const Part& part : parts_) most = std::max(most, std::min(part.lines, lines_per_group));
+  const double rounding = (most + 40.0) * 0x1p-24;
+  return rounding / (1 - rounding);
+}
+
+void fill(Device& device, Buffer& buffer, float value) {
+  const std::vector<float> chunk((std::size_t{16} << 20) / sizeof(float), value);
+  const std::span<const std::byte> all = std::as_bytes(std::span(chunk));
+  for (std::size_t done = 0; done < buffer.size(); done += all.size()) {
+    device.queue().upload(buffer, done, all.first(std::min(all.size(), buffer.size() - done)));
+  }
+}
+
+bool filled_with(Device& device, const Buffer& buffer, float value) {
+  std::vector<float> chunk((std::size_t{16} << 20) / sizeof(float));
+  const std::span<std::byte> all = std::as_writable_bytes(std::span(chunk));
+  for (std::size_t done = 0; done < buffer.size(); done += all.size()) {
+    const std::size_t bytes = std::min(all.size(), buffer.size() - done);
+    device.queue().download(buffer, done, all.first(bytes));
+    const auto end = chunk.begin() + static_cast<std::ptrdiff_t>(bytes / sizeof(float));
+    if (std::any_of(chunk.begin(), end, [&](float x) { return x != value; })) return false;
+  }
+  return true;
+}
+
 double time_read(Device& device, Buffer& data, int streams, std::vector<float>* sums) {
-  Reader reader(device, data, streams);
+  Reader reader(device, {&data}, streams);
   const double seconds = reader.seconds();
   if (sums != nullptr) *sums = reader.sums();
   return seconds;
@@ -134,8 +137,8 @@ double time_read(Device& device, Buffer& data, int streams, std::vector<float>* 
 Rate read_bandwidth(Device& device, Buffer& data, int repetitions) {
   check_repetitions(repetitions);
   Rate best;
-  for (const int streams : {1, 2, 4, 8}) {
-    Reader reader(device, data, streams);
+  for (const int streams : reader_streams) {
+    Reader reader(device, {&data}, streams);
     static_cast<void>(reader.seconds());  // warm up
     const std::vector<float> first = reader.sums();
     bool same = std::none_of(first.begin(), first.end(), [](float sum) { return std::isnan(sum); });
@@ -152,26 +155,48 @@ Rate read_bandwidth(Device& device, Buffer& data, int repetitions) {
   return best;
 }
 
+namespace {
+
+/// read_bandwidth() over a buffer of ones, with their number held against the sums.
+Rate read_of_ones(Device& device, Buffer& ones, int repetitions) {
+  Rate rate = read_bandwidth(device, ones, repetitions);
+  std::vector<float> sums;
+  static_cast<void>(time_read(device, ones, 8, &sums));
+  double total = 0;
+  for (const float sum : sums) total += static_cast<double>(sum);
+  const std::uint64_t put_in = ones.size() / sizeof(float);
+  if (total != static_cast<double>(put_in)) deny(rate, "the sums are not those of what was put in");
+  return rate;
+}
+
+}  // namespace
+
 std::vector<Rate> measure_bandwidth(Device& device, std::uint64_t bytes, int repetitions) {
   check_repetitions(repetitions);
   if (bytes < line_bytes || bytes % line_bytes != 0 || bytes / line_bytes > 0xFFFFFFFFU) {
     throw Error(ErrorKind::usage, "a bandwidth is measured over a whole number of 64-byte lines, 1 to 2^32 - 1");
   }
-  constexpr float value = 1;
   const std::unique_ptr<Buffer> from = device.allocate(bytes);
   const std::unique_ptr<Buffer> to = device.allocate(bytes);
-  fill(device, *from, value);
+  fill(device, *from, 1);
   fill(device, *to, 0);  // its pages are there before the clock runs
-  std::vector<Rate> rates = {read_bandwidth(device, *from, repetitions)};
-
-  std::vector<float> sums;
-  static_cast<void>(time_read(device, *from, 8, &sums));
-  double total = 0;
-  for (const float sum : sums) total += sum;
-  const std::uint64_t put_in = bytes / sizeof(float);  // ones
-  if (total != static_cast<double>(put_in)) deny(rates[0], "the sums are not those of what was put in");
-  rates.push_back(copy_bandwidth(device, *from, *to, repetitions, value));
+  std::vector<Rate> rates = {read_of_ones(device, *from, repetitions)};
+  rates.push_back(copy_bandwidth(device, *from, *to, repetitions, 1));
   return rates;
+}
+
+Rate quick_read_bandwidth(Device& device) {
+  constexpr std::uint64_t wanted = std::uint64_t{128} << 20;
+  const std::unique_ptr<Buffer> ones = device.allocate(measurable_bytes(device.info(), wanted));
+  fill(device, *ones, 1);
+  return read_of_ones(device, *ones, 3);
+}
+
+std::uint64_t measurable_bytes(const DeviceInfo& info, std::uint64_t wanted) {
+  std::uint64_t bytes = std::min(wanted, std::uint64_t{info.max_groups} * lines_per_group * line_bytes);
+  if (info.max_buffer_bytes != 0) bytes = std::min(bytes, info.max_buffer_bytes);
+  if (info.memory_bytes != 0) bytes = std::min(bytes, info.memory_bytes / 4);
+  return std::max(line_bytes, bytes / line_bytes * line_bytes);
 }
 
 }  // namespace interflect

@@ -37,21 +37,29 @@ std::string in_units(std::uint64_t bytes) {
   return mib < 1024 ? fmt::format("{:.1f} MiB", mib) : fmt::format("{:.2f} GiB", mib / 1024);
 }
 
-std::uint64_t predicted_memory(std::uint64_t n) {
+constexpr std::uint64_t scratch_per_thread = 1 << 20;
+
+std::uint64_t predicted_memory(std::uint64_t n, std::uint64_t threads) {
   constexpr std::uint64_t hierarchy_per_triangle = 256;  // Embree, high quality
-  constexpr std::uint64_t per_thread = 1 << 20;
-  const auto threads = static_cast<std::uint64_t>(omp_get_max_threads());
   return FormFactorMatrix::predicted_bytes(n) + PatchTable::predicted_bytes(n) + n * (hierarchy_per_triangle + 64) +
-         threads * per_thread;
+         threads * scratch_per_thread;
 }
 
 void check_memory(std::uint64_t n, std::uint64_t limit) {
   if (limit == 0) limit = available_memory();
-  const std::uint64_t needed = predicted_memory(n);
+  const auto threads = static_cast<std::uint64_t>(omp_get_max_threads());
+  const std::uint64_t needed = predicted_memory(n, threads);
   if (needed <= limit) return;
+  const std::uint64_t least = predicted_memory(n, 1);
+  if (least <= limit) {
+    throw Error(ErrorKind::limit,
+                fmt::format("the form factors of {} patches need {} with {} threads, and {} may be used: set "
+                            "OMP_NUM_THREADS to at most {}",
+                            n, in_units(needed), threads, in_units(limit), (limit - least) / scratch_per_thread + 1));
+  }
   std::uint64_t fits = 0;
   for (std::uint64_t step = std::uint64_t{1} << 31; step > 0; step /= 2) {
-    if (predicted_memory(fits + step) <= limit) fits += step;
+    if (predicted_memory(fits + step, threads) <= limit) fits += step;
   }
   throw Error(ErrorKind::limit,
               fmt::format("the form factors of {} patches need {}, and {} may be used: use a larger --divide; about {} "

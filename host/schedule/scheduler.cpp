@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "interflect/base/error.h"
+#include "interflect/base/memory.h"
 
 namespace interflect {
 
@@ -40,47 +41,90 @@ Scheduler::Scheduler(const FormFactorMatrix& form_factors, std::vector<std::uniq
                 fmt::format("{} devices given: a solve runs on exactly one device so far", devices_.size()));
   }
   device_ = devices_.front().get();
+  const DeviceInfo& info = device_->info();
   arguments_.n = size();
   arguments_.vector_stride = rounded_up(size(), padding) * padding;
   arguments_.columns = columns;
   arguments_.blocks = rounded_up(size(), reduction_block);
-  arguments_.blocks_per_group = device_->info().blocks_per_group;
-  groups_ = rounded_up(columns * arguments_.blocks, arguments_.blocks_per_group);
-  matvec_ = device_->kernel(
-      "matvec", {{"COLUMNS", static_cast<int>(columns)}, {"ROWS", static_cast<int>(device_->info().rows_per_group)}});
-  place_panels();
+  const std::uint32_t items = columns * arguments_.blocks;
+  arguments_.blocks_per_group = std::max(info.blocks_per_group, rounded_up(items, info.max_groups));
+  groups_ = rounded_up(items, arguments_.blocks_per_group);
+  cut_panels();
+  check_memory();
+  matvec_ = device_->kernel("matvec",
+                            {{"COLUMNS", static_cast<int>(columns)}, {"ROWS", static_cast<int>(info.rows_per_group)}});
+  upload_panels();
 }
 
 Scheduler::~Scheduler() = default;
 
-void Scheduler::place_panels() {
+std::uint64_t Scheduler::row_bytes() const {
+  return std::uint64_t{form_factors_.stride()} * sizeof(float);
+}
+
+/// The rows of the largest panel that the device's buffers and work-groups take: whole groups of rows if it can be.
+std::uint32_t Scheduler::rows_that_fit() const {
   const DeviceInfo& info = device_->info();
-  std::uint64_t needed = vectors_of_a_solve * columns() * stride() * sizeof(float);
-  std::uint64_t largest = 0;
-  for (const Panel& panel : form_factors_.panels()) {
-    panels_.push_back({panel.first, panel.rows, device_->share(panel.data)});
-    if (panels_.back().buffer != nullptr) continue;
-    needed += panel.data->size();
-    largest = std::max<std::uint64_t>(largest, panel.data->size());
-  }
-  // An unknown size (0) cannot be compared: then the device itself must refuse.
-  if (info.memory_bytes != 0 && needed > info.memory_bytes) {
+  std::uint64_t rows = std::min<std::uint64_t>(size(), std::uint64_t{info.max_groups} * info.rows_per_group);
+  if (info.max_buffer_bytes != 0) rows = std::min(rows, info.max_buffer_bytes / row_bytes());
+  if (rows < size() && rows > info.rows_per_group) rows -= rows % info.rows_per_group;
+  return static_cast<std::uint32_t>(rows);
+}
+
+void Scheduler::cut_panels() {
+  const DeviceInfo& info = device_->info();
+  const std::uint32_t most = rows_that_fit();
+  if (most == 0) {
     throw Error(ErrorKind::limit,
-                fmt::format("{}: {} are needed, the device has {}; use fewer patches or another device", info.id,
-                            gibibytes(needed), gibibytes(info.memory_bytes)));
+                fmt::format("{}: one row of the form factors has {} bytes, the device's largest buffer {}; use fewer "
+                            "patches or another device",
+                            info.id, row_bytes(), info.max_buffer_bytes));
   }
-  if (info.max_buffer_bytes != 0 && largest > info.max_buffer_bytes) {
-    throw Error(ErrorKind::limit, fmt::format("{}: a panel of {} bytes exceeds the device's largest buffer of {}; set "
-                                              "INTERFLECT_MAX_PANEL_BYTES to at most that",
-                                              info.id, largest, info.max_buffer_bytes));
+  for (const Panel& panel : form_factors_.panels()) {
+    std::unique_ptr<Buffer> shared = panel.rows <= most ? device_->share(panel.data) : nullptr;
+    if (shared != nullptr) {
+      panels_.push_back({panel.first, panel.rows, panel.data->data(), std::move(shared)});
+      continue;
+    }
+    for (std::uint32_t done = 0; done < panel.rows; done += most) {
+      panels_.push_back(
+          {panel.first + done, std::min(most, panel.rows - done), panel.data->data() + done * row_bytes(), nullptr});
+    }
   }
-  for (std::size_t k = 0; k < panels_.size(); ++k) {
-    if (panels_[k].buffer != nullptr) continue;
-    const PageBuffer& data = *form_factors_.panels()[k].data;
-    panels_[k].buffer = device_->allocate(data.size());
-    device_->queue().upload(*panels_[k].buffer, 0, {data.data(), data.size()});
-    uploaded_bytes_ += data.size();
+}
+
+void Scheduler::check_memory() const {
+  const DeviceInfo& info = device_->info();
+  const std::uint64_t vector = std::uint64_t{columns()} * stride() * sizeof(float);
+  if (info.max_buffer_bytes != 0 && vector > info.max_buffer_bytes) {
+    throw Error(ErrorKind::limit, fmt::format("{}: a vector of {} bytes exceeds the device's largest buffer of {}",
+                                              info.id, vector, info.max_buffer_bytes));
   }
+  std::uint64_t needed = vectors_of_a_solve * vector;
+  for (const PlacedPanel& panel : panels_) needed += panel.buffer == nullptr ? panel.rows * row_bytes() : 0;
+  // A size of 0 is unknown and cannot be compared: then the device itself must refuse.
+  std::uint64_t available = info.memory_bytes;
+  if (info.type == DeviceType::cpu && available != 0) available = std::min(available, available_memory());
+  if (available != 0 && needed > available) {
+    throw Error(ErrorKind::limit, fmt::format("{}: {} are needed, {} may be used; use fewer patches or another device",
+                                              info.id, gibibytes(needed), gibibytes(available)));
+  }
+}
+
+void Scheduler::upload_panels() {
+  for (PlacedPanel& panel : panels_) {
+    if (panel.buffer != nullptr) continue;
+    const std::size_t bytes = panel.rows * row_bytes();
+    panel.buffer = device_->allocate(bytes);
+    device_->queue().upload(*panel.buffer, 0, {panel.data, bytes});
+    uploaded_bytes_ += bytes;
+  }
+}
+
+std::vector<Buffer*> Scheduler::panel_buffers() const {
+  std::vector<Buffer*> buffers;
+  for (const PlacedPanel& panel : panels_) buffers.push_back(panel.buffer.get());
+  return buffers;
 }
 
 std::vector<std::string> Scheduler::device_ids() const {

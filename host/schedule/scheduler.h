@@ -41,11 +41,12 @@ class VectorKernel {
 /// and of vectors. Work is enqueued and runs in order; only download() and wait() wait for it.
 class Scheduler {
  public:
-  /// Places every panel: in place where the device shares host memory, else allocated and uploaded. F must outlive the
-  /// Scheduler and stay unchanged. `columns` is the C of every vector.
+  /// Places every panel: in place where the device shares host memory and the panel is within its limits; else cut by
+  /// rows into panels that fit the device's largest buffer and its work-groups, allocated and uploaded. F must outlive
+  /// the Scheduler and stay unchanged. `columns` is the C of every vector.
   /// Throws a usage Error for no patches, no columns, or other than one device; a limit Error, before anything is
-  /// allocated, when panels and vectors exceed the device's memory or a panel exceeds its largest buffer; device
-  /// Errors.
+  /// allocated, when panels and vectors exceed the device's memory or one row or vector exceeds its largest buffer;
+  /// device Errors.
   Scheduler(const FormFactorMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
@@ -56,6 +57,9 @@ class Scheduler {
   [[nodiscard]] std::uint32_t stride() const { return arguments_.vector_stride; }  ///< of a Vector's columns, in floats
   [[nodiscard]] std::uint32_t blocks() const { return arguments_.blocks; }         ///< partial sums per column
   [[nodiscard]] std::vector<std::string> device_ids() const;
+  [[nodiscard]] Device& device() { return *device_; }
+  /// The panels of F as they lie on the device: only to be read, and gone with the Scheduler.
+  [[nodiscard]] std::vector<Buffer*> panel_buffers() const;
   /// Bytes of F that were copied to devices (0 where they use the host's memory in place).
   [[nodiscard]] std::uint64_t uploaded_bytes() const { return uploaded_bytes_; }
   /// Applications of F so far: apply() and exact_product() each count one.
@@ -91,9 +95,14 @@ class Scheduler {
  private:
   struct PlacedPanel {
     std::uint32_t first = 0, rows = 0;
-    std::unique_ptr<Buffer> buffer;
+    const std::byte* data = nullptr;  ///< on the host
+    std::unique_ptr<Buffer> buffer;   ///< null until it is uploaded
   };
-  void place_panels();
+  [[nodiscard]] std::uint64_t row_bytes() const;
+  [[nodiscard]] std::uint32_t rows_that_fit() const;
+  void cut_panels();
+  void check_memory() const;
+  void upload_panels();
 
   const FormFactorMatrix& form_factors_;
   std::vector<std::unique_ptr<Device>> devices_;

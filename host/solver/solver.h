@@ -35,6 +35,17 @@ struct SolveReport {
   std::string reason;          ///< one line saying why not, when not converged
 };
 
+/// Where a solve begins, and what it leaves when a device fails on the way: the last good iterate.
+struct Checkpoint {
+  Columns b;                          ///< empty: nothing yet, the solve begins at 0
+  std::uint32_t kept_iterations = 0;  ///< those that b is made of
+  // Spent so far, what a failure has lost included.
+  std::uint32_t iterations = 0, products = 0, passes = 0, restarts = 0;
+  double seconds = 0;
+  /// Seconds of iterating between two checkpoints within a pass: a download each, so that short solves pay nothing.
+  double interval = 1.0;
+};
+
 /// Solves (I − diag(ρ) F) b = e for every column; reflectance, emittance and radiosity are C columns of N values, area
 /// has N. `area` are the A_i that make diag(A) F symmetric (CG needs them). A column with e = 0 is solved (b = 0).
 /// Patches with ρ = 0 are no unknowns of CG: b = e there, exactly.
@@ -46,11 +57,16 @@ struct SolveReport {
 /// With stop.iterations = K exactly K iterations are done (Jacobi: b = Σ_{k<=K} (diag(ρ) F)^k e), `converged` then says
 /// whether the residual happens to be within the tolerance.
 ///
+/// With a checkpoint the solve begins at its b, and adds to its figures: the report is of everything since the first
+/// begin, and the limit of iterations counts those that b is made of. A column of b that is worse than 0 is dropped.
+/// When a device Error is thrown, the checkpoint holds the last good iterate: the b that the last finished pass
+/// accepted, or that of the last `interval`. Call solve() with it on another device, for the same problem.
+///
 /// Non-convergence is a result, not an exception; radiosity is finite even then. Throws a usage Error for shapes that
 /// do not match or a tolerance that is negative or no number, an input Error for an emittance or area that is not
 /// finite, an area that is not positive, or a reflectance outside [0, 1]; and what the devices throw.
 [[nodiscard]] SolveReport solve(Scheduler& scheduler, Method method, const StopTest& stop, std::span<const double> area,
                                 const Columns& reflectance, const Columns& emittance, Columns& radiosity,
-                                ProgressSink* progress = nullptr);
+                                ProgressSink* progress = nullptr, Checkpoint* checkpoint = nullptr);
 
 }  // namespace interflect

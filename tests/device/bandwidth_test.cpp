@@ -57,6 +57,39 @@ TEST(Bandwidth, ACopyThatLeavesSomethingOutIsNotVerified) {
   EXPECT_FALSE(rates.at(1).verified);
 }
 
+TEST(Bandwidth, SeveralBuffersAreReadInOnePass) {
+  const auto device = open_device("openmp");
+  const auto a = device->allocate(bytes), b = device->allocate(640);
+  fill(*device, *a, 1);
+  fill(*device, *b, 2);
+  Reader reader(*device, {a.get(), b.get()}, 2);
+  EXPECT_EQ(reader.bytes(), bytes + 640);
+  EXPECT_GT(reader.seconds(), 0);
+  float total = 0;
+  for (const float sum : reader.sums()) total += sum;
+  EXPECT_EQ(total, static_cast<float>(bytes / 4 + 2 * 160));
+  EXPECT_NEAR(reader.bound(), (65536 + 40) * 0x1p-24, 1e-4);
+}
+
+TEST(Bandwidth, AQuickMeasurementIsVerifiedAndKeepsToTheDevicesLimits) {
+  const auto device = open_device("openmp");
+  const Rate rate = quick_read_bandwidth(*device);
+  EXPECT_TRUE(rate.verified) << rate.reason;
+  test::ReplacedKernelDevice small(open_device("openmp"), "read",
+                                   [](test::Launched& launch) { launch.buffers[1].assign(launch.groups, 1.0F); });
+  small.limit_buffers(100'000);
+  const Rate broken = quick_read_bandwidth(small);
+  EXPECT_EQ(broken.bytes, 99'968U);
+  EXPECT_FALSE(broken.verified);
+  DeviceInfo info;
+  EXPECT_EQ(measurable_bytes(info, 1000), 960U);  // nothing is known of it
+  info.memory_bytes = 1024;
+  EXPECT_EQ(measurable_bytes(info, 1000), 256U);
+  info.max_groups = 3;
+  info.memory_bytes = std::uint64_t{1} << 40;
+  EXPECT_EQ(measurable_bytes(info, std::uint64_t{1} << 40), std::uint64_t{12} << 20);
+}
+
 TEST(Bandwidth, SizesThatMeanNothingAreUsageErrors) {
   const auto device = open_device("openmp");
   EXPECT_THROW(static_cast<void>(measure_bandwidth(*device, 0, 1)), Error);

@@ -45,24 +45,6 @@ TEST_F(OpenMP, StatesWhatItIs) {
   EXPECT_EQ(info.compute_units, static_cast<std::uint32_t>(omp_get_max_threads()));
 }
 
-TEST(Registry, ListsOpenMPAndOpensItByNameAndAsAuto) {
-  const std::vector<DeviceEntry> all = list_devices();
-  ASSERT_FALSE(all.empty());
-  EXPECT_EQ(std::count_if(all.begin(), all.end(),
-                          [](const DeviceEntry& entry) { return entry.info.id == "openmp" && entry.available; }),
-            1);
-  EXPECT_EQ(open_device("openmp")->info().id, "openmp");
-  EXPECT_FALSE(open_device("auto")->info().id.empty());
-}
-
-TEST(Registry, AnUnknownIdIsAUsageErrorThatListsTheValidOnes) {
-  for (const char* id : {"", "openmp:1", "cuda:99", "Openmp", "openmp:", "nonsense"}) {
-    expect_error(ErrorKind::usage,
-                 AllOf(HasSubstr(std::string("'").append(id).append("'")), HasSubstr("auto"), HasSubstr("openmp")),
-                 [&] { static_cast<void>(open_device(id)); });
-  }
-}
-
 TEST(SimdTarget, AnUnknownNameIsAUsageErrorThatListsTheValidOnes) {
   expect_error(ErrorKind::usage, AllOf(HasSubstr("'AVX9'"), HasSubstr(openmp::simd_targets().back())),
                [] { openmp::use_simd_target("AVX9"); });

@@ -5,6 +5,7 @@
 #include <omp.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <functional>
 
 #include "interflect/base/error.h"
@@ -144,20 +145,104 @@ TEST(Scheduler, DotReduceAndAxpbyByScalarsThatStayOnTheDevice) {
 }
 
 TEST(Scheduler, RefusesWhatItCannotPlaceBeforeItAllocates) {
-  const FormFactorMatrix f = matrix(200, 20'000);
+  const FormFactorMatrix f = matrix(200, 20'000);  // 832 bytes a row
   const auto counts = std::make_shared<Counts>();
   counts->may_share = false;
   counts->describe = [](DeviceInfo& info) { info.memory_bytes = 100'000; };
   expect_error(ErrorKind::limit, "openmp: ", [&] { Scheduler(f, counting(counts), 3); });
-  counts->describe = [](DeviceInfo& info) { info.max_buffer_bytes = 10'000; };
-  expect_error(ErrorKind::limit, "INTERFLECT_MAX_PANEL_BYTES", [&] { Scheduler(f, counting(counts), 3); });
+  counts->describe = [](DeviceInfo& info) { info.max_buffer_bytes = 831; };
+  expect_error(ErrorKind::limit, "one row", [&] { Scheduler(f, counting(counts), 3); });
+  counts->describe = [](DeviceInfo& info) { info.max_buffer_bytes = 2400; };
+  expect_error(ErrorKind::limit, "a vector of 2496 bytes", [&] { Scheduler(f, counting(counts), 3); });
   EXPECT_EQ(counts->allocations, 0U);
   EXPECT_EQ(counts->uploads, 0U);
   counts->describe = [](DeviceInfo& info) { info.memory_bytes = info.max_buffer_bytes = 0; };  // unknown
   EXPECT_NO_THROW(Scheduler(f, counting(counts), 3));
-  const auto sharing = std::make_shared<Counts>();
-  sharing->describe = [](DeviceInfo& info) { info.max_buffer_bytes = 10'000; };
-  EXPECT_NO_THROW(Scheduler(f, counting(sharing), 3));  // in place: nothing is allocated for F
+}
+
+TEST(Scheduler, AProcessorThatCopiesFNeedsTheHostsMemoryToo) {
+  const FormFactorMatrix f = matrix(300);
+  const auto counts = std::make_shared<Counts>();
+  counts->may_share = false;
+  ASSERT_EQ(::setenv("INTERFLECT_MEMORY", "300K", 1), 0);
+  expect_error(ErrorKind::limit, "may be used", [&] { Scheduler(f, counting(counts), 3); });
+  counts->describe = [](DeviceInfo& info) { info.type = DeviceType::gpu; };
+  EXPECT_NO_THROW(Scheduler(f, counting(counts), 3));
+  ASSERT_EQ(::unsetenv("INTERFLECT_MEMORY"), 0);
+}
+
+/// What a device with limits makes of F: the buffers' sizes, and whether y = F x is right.
+struct Cut {
+  std::vector<std::size_t> bytes;
+  std::uint64_t launches = 0, shares = 0;
+};
+
+Cut cut(const FormFactorMatrix& f, bool share, const std::function<void(DeviceInfo&)>& describe) {
+  const auto counts = std::make_shared<Counts>();
+  counts->may_share = share;
+  counts->describe = describe;
+  Scheduler scheduler(f, counting(counts), 2);
+  const Columns x = wave(f.size(), 2);
+  Vector in = scheduler.vector(), out = scheduler.vector();
+  scheduler.upload(in, x);
+  scheduler.apply(in, out);
+  Columns y;
+  scheduler.download(out, y);
+  const auto exact = product(f, x);
+  for (std::size_t c = 0; c < 2; ++c) {
+    for (std::uint32_t i = 0; i < f.size(); ++i) EXPECT_NEAR(static_cast<double>(y[c][i]), exact[c][i], 1e-5) << i;
+  }
+  Cut result;
+  for (const Buffer* buffer : scheduler.panel_buffers()) result.bytes.push_back(buffer->size());
+  result.launches = counts->launches["matvec"];
+  result.shares = counts->shares;
+  return result;
+}
+
+TEST(Scheduler, CutsPanelsThatExceedTheLargestBuffer) {
+  const FormFactorMatrix f = matrix(200);   // one panel of 200 rows of 832 bytes
+  for (const bool share : {true, false}) {  // what may not be so large is not shared either
+    const Cut found = cut(f, share, [](DeviceInfo& info) { info.max_buffer_bytes = 832 * 70 + 5; });
+    EXPECT_THAT(found.bytes, ElementsAre(832 * 64, 832 * 64, 832 * 64, 832 * 8));  // whole groups of 16 rows
+    EXPECT_EQ(found.launches, 4U);
+    EXPECT_EQ(found.shares, 0U);
+  }
+  const Cut few = cut(matrix(100), false, [](DeviceInfo& info) { info.max_buffer_bytes = 448 * 9; });
+  EXPECT_EQ(few.bytes.size(), 12U);  // nine rows each, fewer than a group's
+  EXPECT_EQ(few.bytes.back(), 448U);
+}
+
+TEST(Scheduler, CutsPanelsThatExceedTheWorkGroupsOfALaunch) {
+  const FormFactorMatrix f = matrix(200, 832 * 90);  // panels of 90, 90 and 20 rows
+  const auto limited = [](DeviceInfo& info) {
+    info.max_groups = 3;
+    info.rows_per_group = 8;
+  };
+  const Cut found = cut(f, true, limited);
+  EXPECT_EQ(found.shares, 1U);  // the last panel
+  EXPECT_THAT(found.bytes,
+              ElementsAre(832 * 24, 832 * 24, 832 * 24, 832 * 18, 832 * 24, 832 * 24, 832 * 24, 832 * 18, 832 * 20));
+}
+
+TEST(Scheduler, VectorKernelsKeepToTheWorkGroupsOfALaunch) {
+  const FormFactorMatrix f(5000, 1 << 20);
+  const auto counts = std::make_shared<Counts>();
+  counts->describe = [](DeviceInfo& info) {
+    info.blocks_per_group = 1;
+    info.max_groups = 400;
+  };
+  Scheduler many(f, counting(counts), 3);
+  Vector a = many.vector(), sums = many.sums();
+  many.run(many.kernel("dot"), {&a, &a, &sums}, "x x", 0);
+  EXPECT_EQ(counts->groups, 15U);
+  counts->describe = [](DeviceInfo& info) {
+    info.blocks_per_group = 1;
+    info.max_groups = 7;
+    info.rows_per_group = 64;
+  };
+  Scheduler few(f, counting(counts), 3);
+  few.run(few.kernel("dot"), {&a, &a, &sums}, "x x", 0);
+  EXPECT_EQ(counts->groups, 5U);
 }
 
 TEST(Scheduler, RefusesOtherThanOneDeviceAndEmptySystems) {

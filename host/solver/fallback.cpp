@@ -1,0 +1,75 @@
+#include "interflect/solver/fallback.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "interflect/base/timer.h"
+
+namespace interflect {
+
+Candidates::Candidates(std::vector<std::string> ids, Open open, ProgressSink* progress)
+    : ids_(std::move(ids)), open_(std::move(open)), progress_(progress) {
+  if (ids_.empty()) throw Error(ErrorKind::usage, "no device is given");
+}
+
+Candidates::Candidates(std::unique_ptr<Device> device)
+    : ids_{device->info().id},
+      open_([](const std::string& id) -> std::unique_ptr<Device> {
+        throw device_error(id, "open", "the device was given away before");
+      }),
+      device_(std::move(device)) {}
+
+void Candidates::open() {
+  while (device_ == nullptr) {
+    try {
+      device_ = open_(ids_[at_]);
+    } catch (const Error& error) {
+      give_up(error);
+    }
+  }
+}
+
+std::unique_ptr<Device> Candidates::take() {
+  open();
+  return std::move(device_);
+}
+
+void Candidates::give_up(const Error& error) {
+  if (error.kind() != ErrorKind::device && error.kind() != ErrorKind::limit) throw error;
+  failures_.push_back({ids_[at_], error.what()});
+  if (at_ + 1 == ids_.size()) throw error;
+  ++at_;
+  if (progress_ == nullptr) return;
+  const std::string_view reason = failures_.back().reason;
+  progress_->message(fmt::format("warning: {}; going on with {}", reason.substr(0, reason.find('\n')), ids_[at_]));
+}
+
+FallbackReport solve_on(Candidates& candidates, const FormFactorMatrix& form_factors, Method method,
+                        const StopTest& stop, std::span<const double> area, const Columns& reflectance,
+                        const Columns& emittance, Columns& radiosity, ProgressSink* progress, double interval) {
+  FallbackReport result;
+  Checkpoint checkpoint;
+  checkpoint.interval = interval;
+  for (bool done = false; !done;) {
+    const std::uint32_t before = checkpoint.kept_iterations;
+    candidates.open();
+    const std::string id = candidates.id();
+    try {
+      const Timer timer;
+      std::vector<std::unique_ptr<Device>> devices;
+      devices.push_back(candidates.take());
+      Scheduler scheduler(form_factors, std::move(devices), static_cast<std::uint32_t>(emittance.size()));
+      result.upload_seconds += timer.seconds();
+      result.report = solve(scheduler, method, stop, area, reflectance, emittance, radiosity, progress, &checkpoint);
+      done = true;
+    } catch (const Error& error) {
+      candidates.give_up(error);
+    }
+    if (done || checkpoint.kept_iterations > before) result.devices.push_back(id);
+  }
+  result.failures = candidates.failures();
+  return result;
+}
+
+}  // namespace interflect
