@@ -8,7 +8,6 @@
 #include "console.h"
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
-#include "interflect/device/bandwidth.h"
 #include "interflect/device/registry.h"
 #include "report.h"
 #include "study.h"
@@ -28,32 +27,30 @@ struct Options {
   bool quiet = false;
 };
 
-std::vector<BenchRow> bandwidth_rows(const std::string& id, unsigned repetitions) {
-  constexpr std::uint64_t bytes = std::uint64_t{512} << 20;  // far beyond any cache
-  std::vector<BenchRow> rows;
-  for (const Rate& rate : measure_bandwidth(*open_device(id), bytes, static_cast<int>(repetitions))) {
-    BenchRow row;
-    row.device = id;
-    row.what = rate.what;
-    row.seconds = rate.seconds;
-    row.seconds_min = rate.seconds_min;
-    row.seconds_max = rate.seconds_max;
-    row.bytes = rate.bytes;
-    row.status = rate.verified ? "pass" : "fail";
-    row.reason = rate.reason;
-    rows.push_back(row);
+/// A device that cannot be opened is an error when it is the only one; else its rows say so.
+DeviceInfo info_of(const std::string& id, bool alone) {
+  try {
+    return open_device(id)->info();
+  } catch (const Error& error) {
+    if (alone) throw;
+    DeviceInfo info;
+    info.id = id;
+    info.name = first_line(error.what());
+    return info;
   }
-  return rows;
 }
 
-nlohmann::ordered_json header(const DeviceInfo& info, unsigned repetitions) {
+nlohmann::ordered_json header(const std::vector<DeviceInfo>& infos, unsigned repetitions) {
+  nlohmann::ordered_json devices = nlohmann::ordered_json::array();
+  for (const DeviceInfo& info : infos) {
+    devices.push_back(
+        {{"id", info.id}, {"name", info.name}, {"driver", info.driver}, {"compute_units", info.compute_units}});
+  }
   return {{"interflect", INTERFLECT_VERSION},
-          {"device", info.id},
-          {"name", info.name},
-          {"driver", info.driver},
-          {"compute_units", info.compute_units},
+          {"devices", devices},
           {"repetitions", repetitions},
-          {"statistic", "median, minimum and maximum; a_ratio is the median of ratios of neighbouring passes"}};
+          {"statistic",
+           "median, minimum and maximum; devices take turns pass by pass, ratios are the median of those of a pass"}};
 }
 
 void write_files(const Options& options, const nlohmann::ordered_json& head, const std::vector<BenchRow>& rows) {
@@ -79,27 +76,32 @@ int run(const Options& options) {
   for (const std::string& file : {options.json, options.csv}) {
     if (!file.empty()) const AtomicFile probe(file);  // found before the work: it cannot be written
   }
-  const DeviceInfo info = open_device(options.device)->info();
+  std::vector<std::string> ids = choose_devices(options.device);
+  if (options.device == "auto") ids.resize(1);
+  std::vector<DeviceInfo> infos;
+  for (const std::string& id : ids) infos.push_back(info_of(id, ids.size() == 1));
   const std::string folder = scenes_folder(options.scenes);
   if (options.study) {
-    const StudyTable table = study_table(folder, info.id, std::max(1U, options.repetitions / 3), console);
+    const StudyTable table = study_table(folder, ids.front(), std::max(1U, options.repetitions / 3), console);
     fmt::print("{}", table.text);
     return table.verified ? 0 : exit_status(ErrorKind::device);
   }
-  const auto head = header(info, options.repetitions);
-  fmt::print("{} ({}), {}, {} compute units, {} repetitions\n{}", info.id, info.name, info.driver, info.compute_units,
-             options.repetitions, text_header());
+  const auto head = header(infos, options.repetitions);
+  for (const DeviceInfo& info : infos) {
+    fmt::print("{} ({}), {}, {} compute units\n", info.id, info.name, info.driver, info.compute_units);
+  }
+  fmt::print("{} repetitions\n{}", options.repetitions, text_header());
   std::vector<BenchRow> rows;
   const auto add = [&](const std::vector<BenchRow>& more) {
     for (const BenchRow& row : more) fmt::print("{}", to_text(row));
     std::fflush(stdout);
     rows.insert(rows.end(), more.begin(), more.end());
   };
-  add(bandwidth_rows(info.id, options.repetitions));
+  add(bench_devices(ids, options.repetitions));
   for (const Room& room : study_rooms()) {
     const bool wanted = options.rooms.empty() ||
                         std::find(options.rooms.begin(), options.rooms.end(), room.patches) != options.rooms.end();
-    if (wanted) add(bench_room(folder, room, info.id, options.repetitions, console));
+    if (wanted) add(bench_room(folder, room, ids, options.repetitions, console));
   }
   write_files(options, head, rows);
   const bool failed = std::any_of(rows.begin(), rows.end(), [](const BenchRow& row) { return row.status == "fail"; });
@@ -113,7 +115,8 @@ void add_bench(CLI::App& program, Action& action) {
   CLI::App& command = *program.add_subcommand("bench", "measure a device: bandwidth, products, solves, each verified");
   auto* study =
       command.add_flag("--study", options->study, "print the 2014 study's first table with our figures beside");
-  command.add_option("--device", options->device, "device id")->capture_default_str();
+  command.add_option("--device", options->device, "device id, or several between commas: they take turns pass by pass")
+      ->capture_default_str();
   command.add_option("--scenes", options->scenes, "folder with the rooms");
   command.add_option("--room", options->rooms, "only the room with so many patches (may be given several times)")
       ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}))

@@ -93,30 +93,49 @@ FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& opti
   return factors;
 }
 
-Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, std::unique_ptr<Device> device, Method method,
-                   const StopTest& stop, ProgressSink* progress) {
-  constexpr std::size_t channels = 3;
-  const std::size_t n = mesh.size();
-  Solved solved;
-  const Timer timer;
-  std::vector<std::unique_ptr<Device>> devices;
-  devices.push_back(std::move(device));
-  solved.devices.push_back(devices.front()->info().id);
-  Scheduler scheduler(matrix, std::move(devices), channels);
-  solved.upload_seconds = timer.seconds();
+namespace {
 
-  Columns reflectance(channels, std::vector<float>(n)), emittance = reflectance, radiosity;
+constexpr std::size_t channels = 3;
+
+std::vector<Rgb> by_patch(const Columns& columns) {
+  std::vector<Rgb> values(columns.front().size());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    for (std::size_t c = 0; c < channels; ++c) values[i][c] = static_cast<double>(columns[c][i]);
+  }
+  return values;
+}
+
+}  // namespace
+
+Light light_of(const PatchMesh& mesh) {
+  const std::size_t n = mesh.size();
+  Light light{Columns(channels, std::vector<float>(n)), Columns(channels, std::vector<float>(n))};
   for (std::size_t c = 0; c < channels; ++c) {
     for (std::size_t i = 0; i < n; ++i) {
-      reflectance[c][i] = static_cast<float>(mesh.reflectance[i][c]);
-      emittance[c][i] = static_cast<float>(mesh.emittance[i][c]);
+      light.reflectance[c][i] = static_cast<float>(mesh.reflectance[i][c]);
+      light.emittance[c][i] = static_cast<float>(mesh.emittance[i][c]);
     }
   }
-  solved.report = solve(scheduler, method, stop, mesh.area, reflectance, emittance, radiosity, progress);
-  solved.radiosity.resize(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t c = 0; c < channels; ++c) solved.radiosity[i][c] = static_cast<double>(radiosity[c][i]);
-  }
+  return light;
+}
+
+Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Method method,
+                   const StopTest& stop, ProgressSink* progress) {
+  const Light light = light_of(mesh);
+  Columns radiosity;
+  FallbackReport done =
+      solve_on(candidates, matrix, method, stop, mesh.area, light.reflectance, light.emittance, radiosity, progress);
+  return {by_patch(radiosity), std::move(done.report), std::move(done.devices), std::move(done.failures),
+          done.upload_seconds};
+}
+
+Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop) {
+  const Light light = light_of(mesh);
+  Columns radiosity;
+  Solved solved;
+  solved.report = solve(scheduler, method, stop, mesh.area, light.reflectance, light.emittance, radiosity);
+  solved.radiosity = by_patch(radiosity);
+  solved.devices = scheduler.device_ids();
   return solved;
 }
 

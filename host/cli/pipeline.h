@@ -10,6 +10,7 @@
 #include "interflect/formfactor/assembly.h"
 #include "interflect/output/output.h"
 #include "interflect/scene/patch_mesh.h"
+#include "interflect/solver/fallback.h"
 #include "interflect/solver/solver.h"
 
 namespace interflect::cli {
@@ -42,15 +43,25 @@ struct MeshedScene {
 [[nodiscard]] FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& options,
                                            ProgressSink& progress);
 
+/// What a mesh gives the solver: a column per channel.
+struct Light {
+  Columns reflectance, emittance;
+};
+[[nodiscard]] Light light_of(const PatchMesh& mesh);
+
 /// Radiosity and what it took.
 struct Solved {
   std::vector<Rgb> radiosity;
   SolveReport report;
-  std::vector<std::string> devices;
+  std::vector<std::string> devices;  ///< that did the work
+  std::vector<DeviceFailure> failures;
   double upload_seconds = 0;
 };
-[[nodiscard]] Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, std::unique_ptr<Device> device,
+/// On the first candidate, and on the next ones when it fails.
+[[nodiscard]] Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
                                  Method method, const StopTest& stop, ProgressSink* progress);
+/// Where F has been placed already.
+[[nodiscard]] Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop);
 
 /// Where the light goes, per channel, in the scene's power unit: emitted = absorbed + escaped when all is right.
 struct Energy {

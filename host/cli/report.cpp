@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <map>
 
+#include "interflect/device/compile_cache.h"
+
 namespace interflect::cli {
 
 using nlohmann::ordered_json;
@@ -80,6 +82,12 @@ ordered_json to_json(const SolveSummary& summary) {
   out["products"] = report.products;
   out["relative_residual"] = report.relative_residual;
   out["devices"] = summary.solved->devices;
+  out["failures"] = ordered_json::array();
+  for (const DeviceFailure& failure : summary.solved->failures) {
+    out["failures"].push_back({{"device", failure.device}, {"reason", failure.reason}});
+  }
+  const CompileStatistics kernels = compile_statistics();
+  out["kernels"] = {{"compiled", kernels.compiled}, {"from_cache", kernels.from_cache}};
   out["storage"] = {{"format", std::string(name(factors.matrix.storage()))},
                     {"bytes", factors.matrix.bytes()},
                     {"nonzero_fraction", summary.nonzero_fraction}};
@@ -87,6 +95,7 @@ ordered_json to_json(const SolveSummary& summary) {
                     {"mesh", loaded.mesh_seconds},
                     {"form_factors", factors.report.seconds},
                     {"upload", summary.solved->upload_seconds},
+                    {"compile", kernels.seconds},
                     {"solve", report.seconds},
                     {"write", summary.write_seconds},
                     {"total", summary.total_seconds}};
@@ -130,11 +139,23 @@ std::string to_text(const SolveSummary& summary) {
   out += fmt::format("solve          {} on {}: {}, {} iterations, {} products, {:.3f} s\n", name(summary.method),
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,
                      report.seconds);
+  for (const DeviceFailure& failure : summary.solved->failures) {
+    out += fmt::format("failed         {}\n", first_line(failure.reason));
+  }
+  const CompileStatistics kernels = compile_statistics();
+  if (kernels.compiled + kernels.from_cache > 0) {
+    out += fmt::format("kernels        {} compiled, {} from the cache, {:.2f} s\n", kernels.compiled,
+                       kernels.from_cache, kernels.seconds);
+  }
   out += fmt::format("residual       {:.2e} (relative, per channel)\n", fmt::join(report.relative_residual, " "));
   out += fmt::format("energy         emitted {:.6g}, absorbed {:.6g}, escaped {:.6g}, balance error {:.1e}\n",
                      sum(summary.energy.emitted), sum(summary.energy.absorbed), sum(summary.energy.escaped),
                      summary.energy.balance_error());
   return out;
+}
+
+std::string_view first_line(std::string_view text) {
+  return text.substr(0, text.find('\n'));
 }
 
 std::string dump(const ordered_json& value) {

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 
 #include "pipeline.h"
 
@@ -27,6 +28,9 @@ struct SolveSummary {
 /// Row sums, closure, set-aside patches: the part of the report that `formfactors` prints as well.
 [[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded);
 [[nodiscard]] std::string closure_text(const AssemblyReport& report);
+
+/// A device's reason may hold a compiler's log: its first line.
+[[nodiscard]] std::string_view first_line(std::string_view text);
 
 /// JSON text of a value: indented, invalid UTF-8 in names replaced, a newline at the end.
 [[nodiscard]] std::string dump(const nlohmann::ordered_json& value);

@@ -4,10 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <utility>
 
 #include "interflect/base/error.h"
 #include "interflect/device/registry.h"
 #include "pipeline.h"
+#include "report.h"
 
 namespace interflect::cli {
 
@@ -55,8 +58,11 @@ std::string selftest(const std::string& device) {
     subdivision.divide = 1.0 / 64;
     const PatchMesh mesh = subdivide(furnace(), subdivision);
     const FormFactors factors = assemble(mesh);
+    std::vector<std::unique_ptr<Device>> devices;
+    devices.push_back(open_device(device));
+    Scheduler scheduler(factors.matrix, std::move(devices), 3);
     for (const Method method : {Method::cg, Method::bicgstab, Method::jacobi}) {
-      const Solved solved = solve_scene(factors.matrix, mesh, open_device(device), method, StopTest{}, nullptr);
+      const Solved solved = solve_placed(scheduler, mesh, method, StopTest{});
       if (!solved.report.converged) return fmt::format("FAIL: {} did not converge", name(method));
       const double error = largest_error(solved.radiosity);
       if (!(error <= bound)) {
@@ -65,7 +71,7 @@ std::string selftest(const std::string& device) {
     }
     return "PASS";
   } catch (const Error& error) {
-    return fmt::format("FAIL: {}", error.what());
+    return fmt::format("FAIL: {}", first_line(error.what()));
   }
 }
 

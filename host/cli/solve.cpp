@@ -152,13 +152,15 @@ int run(const Options& options) {
   Console console(options.scene.quiet);
   check_outputs(options);
   check_picture(options);
-  std::unique_ptr<Device> device = open_device(options.device);  // and so is a device that is not there
+  Candidates candidates(
+      choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &console);
+  candidates.open();  // a device that is not there is found before the work, too
 
   const MeshedScene loaded = load(options.scene, console);
   check_inputs_stay(options, loaded.scene);
   const FormFactors factors = assemble_checked(loaded, options.scene, console);
   const Method method = method_of(options.method);
-  const Solved solved = solve_scene(factors.matrix, loaded.mesh, std::move(device), method, options.stop, &console);
+  const Solved solved = solve_scene(factors.matrix, loaded.mesh, candidates, method, options.stop, &console);
 
   SolveSummary summary{&loaded, &factors, &solved, method, options.stop, {}, 0, 0, 0};
   summary.nonzero_fraction = factors.matrix.nonzero_fraction();
@@ -194,7 +196,11 @@ void add_solve(CLI::App& program, Action& action) {
       ->type_size(1)
       ->allow_extra_args(false);
   command.add_option("--report", options->report, "the report as JSON")->check(file_name());
-  command.add_option("--device", options->device, "device id, see 'interflect devices'")->capture_default_str();
+  command
+      .add_option("--device", options->device,
+                  "device id, see 'interflect devices'; several, as cuda:0,openmp, are tried in this order when one "
+                  "fails")
+      ->capture_default_str();
   command.add_option("--method", options->method, "cg, bicgstab or jacobi")
       ->check(CLI::IsMember({"cg", "bicgstab", "jacobi"}))
       ->capture_default_str();

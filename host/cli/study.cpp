@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <memory>
 
 #include "interflect/base/error.h"
 #include "interflect/device/registry.h"
@@ -101,10 +102,12 @@ StudyTable study_table(const std::string& rooms, const std::string& device, unsi
     const MeshedScene loaded = load(scene, progress);
     const FormFactors factors = assemble_checked(loaded, scene, progress);
     std::array<MethodResult, methods.size()> results;
+    std::vector<std::unique_ptr<Device>> devices;
+    devices.push_back(open_device(device));
+    Scheduler scheduler(factors.matrix, std::move(devices), 3);
     for (unsigned r = 0; r < repetitions; ++r) {
       for (std::size_t m = 0; m < methods.size(); ++m) {
-        Solved solved =
-            solve_scene(factors.matrix, loaded.mesh, open_device(device), methods.at(m), StopTest{}, nullptr);
+        Solved solved = solve_placed(scheduler, loaded.mesh, methods.at(m), StopTest{});
         results.at(m).seconds.push_back(solved.report.seconds);
         results.at(m).report = std::move(solved.report);
         results.at(m).radiosity = std::move(solved.radiosity);

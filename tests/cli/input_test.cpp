@@ -87,6 +87,13 @@ TEST(Input, MemoryIsPredictedAndRefused) {
   EXPECT_THAT(outcome.error_lines().front(), HasSubstr("--divide"));
 }
 
+TEST(Input, ThreadsThatNeedTheMemoryAreNamed) {
+  const Outcome outcome = run_program({"solve", scene_file("furnace.obj"), "--divide", "1", "--device", "openmp"},
+                                      {"INTERFLECT_MEMORY=100M", "OMP_NUM_THREADS=3000", "OMP_THREAD_LIMIT=2"});
+  EXPECT_EQ(outcome.status, 6) << outcome.err;
+  EXPECT_THAT(outcome.error_lines(), ElementsAre(HasSubstr("set OMP_NUM_THREADS to at most 9")));
+}
+
 TEST(Input, NoFileOfTheSceneIsAnOutput) {
   const Folder folder;
   const std::string material = "newmtl grey\nKd 0.5 0.5 0.5\nKe 1 1 1\n";

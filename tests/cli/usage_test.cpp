@@ -54,6 +54,12 @@ INSTANTIATE_TEST_SUITE_P(
         std::pair{std::vector<std::string>{"bench", "--csv", ""}, std::string("--csv")},
         std::pair{std::vector<std::string>{"solve", box, "--device", "vulkan:99", "--divide", "1"},
                   std::string("openmp")},
+        std::pair{std::vector<std::string>{"solve", box, "--device", "openmp,openmp"}, std::string("twice")},
+        std::pair{std::vector<std::string>{"solve", box, "--device", "openmp,"}, std::string("no device ''")},
+        std::pair{std::vector<std::string>{"solve", box, "--device", ""}, std::string("auto, ")},
+        std::pair{std::vector<std::string>{"solve", box, "--device", "openmp,tpu:0"}, std::string("'tpu:0'; there")},
+        std::pair{std::vector<std::string>{"solve", box, "--device", "auto,openmp"}, std::string("alone")},
+        std::pair{std::vector<std::string>{"bench", "--device", "openmp,openmp:1"}, std::string("'openmp:1'")},
         std::pair{std::vector<std::string>{"solve", box, "extra"}, std::string("extra")},
         std::pair{std::vector<std::string>{"formfactors", box, "--group-by", "colour"}, std::string("--group-by")},
         std::pair{std::vector<std::string>{"check", "--device", "cuda:7"}, std::string("cuda:7")}));
