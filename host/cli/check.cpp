@@ -9,6 +9,7 @@
 #include "interflect/base/error.h"
 #include "interflect/device/registry.h"
 #include "report.h"
+#include "validators.h"
 
 namespace interflect::cli {
 
@@ -16,6 +17,7 @@ namespace {
 
 struct Options {
   std::string device;
+  std::uint64_t max_size = every_size;
   bool json = false;
 };
 
@@ -31,7 +33,7 @@ std::vector<std::string> devices_to_check(const std::string& wanted) {
 int run(const Options& options) {
   std::vector<KernelCheck> rows;
   for (const std::string& id : devices_to_check(options.device)) {
-    const std::vector<KernelCheck> checks = check_device(*open_device(id));
+    const std::vector<KernelCheck> checks = check_device(*open_device(id), options.max_size);
     rows.insert(rows.end(), checks.begin(), checks.end());
   }
   const auto count = [&](CheckStatus status) {
@@ -67,6 +69,8 @@ void add_check(CLI::App& program, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App& command = *program.add_subcommand("check", "run every kernel on every device against the fp64 reference");
   command.add_option("--device", options->device, "only this device");
+  command.add_option("--max-size", options->max_size, "only cases of at most so many elements or lines")
+      ->check(number(std::uint64_t{0}));
   command.add_flag("--json", options->json, "print JSON");
   command.callback([options, &action] { action = [options] { return run(*options); }; });
 }

@@ -18,10 +18,10 @@ std::string_view name(CheckStatus status) {
   return "?";
 }
 
-std::vector<KernelCheck> check_device(Device& device) {
+std::vector<KernelCheck> check_device(Device& device, std::uint64_t max_size) {
   std::vector<KernelCheck> rows;
   for (const auto description : {&check::check_stream, &check::check_matvec, &check::check_vectors})
-    description(device, rows);
+    description(device, rows, max_size);
   for (KernelCheck& row : rows) row.device = device.info().id;
   return rows;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,11 +25,14 @@ struct KernelCheck {
   std::string reason;  ///< why it failed or is unsupported; empty when passed
 };
 
+inline constexpr std::uint64_t every_size = std::numeric_limits<std::uint64_t>::max();
+
 /// Runs every kernel of the device on every case of its description: sizes around the multiples of vectors, tiles and
 /// work-groups, one and several panels, NaN in the padding, guard zones behind each buffer. Takes about a second on a
 /// CPU. A DeviceError of a case is a failure with that reason; a limit of the device is `unsupported`. Throws nothing
-/// of the device's.
-[[nodiscard]] std::vector<KernelCheck> check_device(Device& device);
+/// of the device's. Cases of a larger n, or of more lines, than `max_size` are left out: for tools that run a kernel
+/// thousands of times slower.
+[[nodiscard]] std::vector<KernelCheck> check_device(Device& device, std::uint64_t max_size = every_size);
 
 /// The relative error c u / (1 - c u), u = 2^-24, that kernels/README.md allows a matvec of n columns.
 [[nodiscard]] double matvec_bound(std::uint64_t n);

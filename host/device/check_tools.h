@@ -10,7 +10,8 @@
 #include "interflect/device/check.h"
 
 // What the description of a kernel's check is made of. To add kernel NAME: write check_NAME.cpp with
-// `void check_NAME(Device&, std::vector<KernelCheck>&)`, declare it below and add it to the list in check.cpp.
+// `void check_NAME(Device&, std::vector<KernelCheck>&, std::uint64_t max_size)`, declare it below and add it to the
+// list in check.cpp.
 
 namespace interflect::check {
 
@@ -61,8 +62,10 @@ void compare(Finding& finding, float result, double reference, double magnitude)
 /// unsupported, any other a failure.
 void add_case(std::vector<KernelCheck>& rows, KernelCheck row, const std::function<Finding()>& run);
 
-void check_matvec(Device& device, std::vector<KernelCheck>& rows);
-void check_stream(Device& device, std::vector<KernelCheck>& rows);   ///< read and copy
-void check_vectors(Device& device, std::vector<KernelCheck>& rows);  ///< dot, axpby, and the steps of the solvers
+void check_matvec(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size = every_size);
+/// read and copy
+void check_stream(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size = every_size);
+/// dot, axpby, and the steps of the solvers
+void check_vectors(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size = every_size);
 
 }  // namespace interflect::check

@@ -13,6 +13,9 @@ typedef struct {
 #define FMA(a, b, c) ((a) * (b) + (c))
 #endif
 
+/// The columns of a chunk; `columns` is a constant once the function is inlined, the loop's end must be one before.
+#define EACH_COLUMN(c) _Pragma("unroll") for (uint c = 0; c < CHUNK; ++c) if (c < columns)
+
 #if WORKGROUP == 1
 
 // One work-item takes ROWS rows, a strip at a time, and sweeps them by vectors of WIDTH columns. Products go into one
@@ -58,14 +61,10 @@ float lane_sum(vector v) {
 #define MULTIPLY(j, KEEP)                                                          \
   {                                                                                \
     vector xj[CHUNK];                                                              \
-    _Pragma("unroll") for (uint c = 0; c < columns; ++c) {                         \
-      xj[c] = KEEP(LOAD(x + (size_t)c * a.vector_stride + (j)));                   \
-    }                                                                              \
+    EACH_COLUMN(c) xj[c] = KEEP(LOAD(x + (size_t)c * a.vector_stride + (j)));      \
     _Pragma("unroll") for (uint q = 0; q < STRIP; ++q) {                           \
       const vector fj = KEEP(LOAD(f[q] + (j)));                                    \
-      _Pragma("unroll") for (uint c = 0; c < columns; ++c) {                       \
-        sum[q][c] = FMA(fj, xj[c], sum[q][c]);                                     \
-      }                                                                            \
+      EACH_COLUMN(c) sum[q][c] = FMA(fj, xj[c], sum[q][c]);                        \
     }                                                                              \
   }
 #define WHOLE(v) (v)
@@ -87,8 +86,7 @@ __attribute__((always_inline)) void add_block(const MatvecArguments a, global co
   if (left > 0) MULTIPLY(j, PART)
 #pragma unroll
   for (uint q = 0; q < STRIP; ++q) {
-#pragma unroll
-    for (uint c = 0; c < columns; ++c) total[q][c] += sum[q][c];
+    EACH_COLUMN(c) total[q][c] += sum[q][c];
   }
 }
 
@@ -181,8 +179,7 @@ __attribute__((always_inline)) void multiply(const MatvecArguments a, global con
     float4 fj[STRIP];
 #pragma unroll
     for (uint q = 0; q < STRIP; ++q) fj[q] = four(rows[q], j, a.n);
-#pragma unroll
-    for (uint c = 0; c < columns; ++c) {
+    EACH_COLUMN(c) {
       const float4 xj = four(x + (size_t)c * a.vector_stride, j, a.n);
 #pragma unroll
       for (uint q = 0; q < STRIP; ++q) {
@@ -193,8 +190,7 @@ __attribute__((always_inline)) void multiply(const MatvecArguments a, global con
       }
     }
   }
-#pragma unroll
-  for (uint c = 0; c < columns; ++c) {
+  EACH_COLUMN(c) {
     join(sum[c], scratch, y + (size_t)c * a.vector_stride + a.first + row, last - row);
   }
 }
