@@ -147,9 +147,10 @@ __device__ void write_partials(const VectorArguments& a, float* sums, const Bloc
 template <unsigned count>
 __device__ void add_totals(const VectorArguments& a, float* sums, unsigned column, const unsigned (&set)[count],
                            float (&total)[count], Shared& shared) {
-  unsigned mine = set[0];
+  unsigned all = 0;  // the sets as hexadecimal digits, so that a warp picks its own without memory
 #pragma unroll
-  for (unsigned s = 1; s < count; ++s) mine = warp_id() == s ? set[s] : mine;
+  for (unsigned s = 0; s < count; ++s) all |= set[s] << (4 * s);
+  const unsigned mine = all >> (4 * warp_id()) & 15U;
   if (warp_id() < count) {
     const float* partial = partials(a, sums, mine, column);
     float sum = 0;
