@@ -2,13 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cstring>
-#include <optional>
 #include <string>
 #include <utility>
 
-#include "interflect/base/error.h"
 #include "interflect/base/timer.h"
 #include "interflect/device/cuda/api.h"
 #include "interflect/device/kernel_table.h"
@@ -245,15 +244,6 @@ class Device final : public interflect::Device {
   Queue queue_;
 };
 
-int attribute(const Driver& driver, int which, int device) {
-  int value = 0;
-  return driver.device_attribute(&value, which, device) == 0 ? value : 0;
-}
-
-int capability(const Driver& driver, int device) {
-  return 10 * attribute(driver, capability_major, device) + attribute(driver, capability_minor, device);
-}
-
 std::string version_text(int version) {
   return fmt::format("{}.{}", version / 1000, version % 1000 / 10);
 }
@@ -268,45 +258,59 @@ DeviceInfo unknown(std::uint32_t index) {
   return info;
 }
 
-/// What the driver tells of a device; the first call that fails is the reason.
-DeviceEntry describe(const Driver& driver, std::uint32_t index) {
-  DeviceEntry entry{.info = unknown(index), .available = false, .reason = ""};
-  const auto succeeds = [&](Result result, std::string_view function) {
-    if (result != 0) entry.reason = "libcuda.so.1: " + driver.text(result, function);
-    return result == 0;
+/// A device as the driver tells of it, and what it takes to open it.
+struct Found {
+  DeviceEntry entry;
+  int device = 0;
+  const Nvrtc* nvrtc = nullptr;
+  std::string target;
+};
+
+/// The first call that fails is the reason why the device is not available.
+Found describe(const Driver& driver, std::uint32_t index) {
+  Found found{.entry = {.info = unknown(index), .available = false, .reason = ""}, .target = ""};
+  DeviceInfo& info = found.entry.info;
+  std::string& reason = found.entry.reason;
+  const auto ask = [&](Result result, std::string_view function) {
+    if (result != 0 && reason.empty()) reason = "libcuda.so.1: " + driver.text(result, function);
   };
-  int version = 0, device = 0;
+  const auto attribute = [&](int which) {
+    int value = 0;
+    ask(driver.device_attribute(&value, which, found.device), "cuDeviceGetAttribute");
+    return value;
+  };
+  int version = 0;
+  ask(driver.version(&version), "cuDriverGetVersion");
+  ask(driver.device_get(&found.device, static_cast<int>(index)), "cuDeviceGet");
+  if (!reason.empty()) return found;
   std::array<char, 256> name{};
   std::size_t memory = 0;
   Uuid uuid{};
-  if (!succeeds(driver.version(&version), "cuDriverGetVersion") ||
-      !succeeds(driver.device_get(&device, static_cast<int>(index)), "cuDeviceGet") ||
-      !succeeds(driver.device_name(name.data(), static_cast<int>(name.size()) - 1, device), "cuDeviceGetName") ||
-      !succeeds(driver.device_memory(&memory, device), "cuDeviceTotalMem") ||
-      !succeeds(driver.device_uuid(&uuid, device), "cuDeviceGetUuid")) {
-    return entry;
-  }
-  DeviceInfo& info = entry.info;
+  ask(driver.device_name(name.data(), static_cast<int>(name.size()) - 1, found.device), "cuDeviceGetName");
+  ask(driver.device_memory(&memory, found.device), "cuDeviceTotalMem");
+  ask(driver.device_uuid(&uuid, found.device), "cuDeviceGetUuid");
   info.name = name.data();
   info.driver = "CUDA " + version_text(version);
   info.memory_bytes = info.max_buffer_bytes = memory;
-  info.compute_units = static_cast<std::uint32_t>(attribute(driver, multiprocessor_count, device));
+  info.compute_units = static_cast<std::uint32_t>(attribute(multiprocessor_count));
   for (const unsigned char byte : uuid.bytes) info.hardware += fmt::format("{:02x}", byte);
-  info.max_groups = static_cast<std::uint32_t>(attribute(driver, max_grid_dim_x, device));
+  info.max_groups = static_cast<std::uint32_t>(attribute(max_grid_dim_x));
   info.rows_per_group = 8;
-  if (attribute(driver, compute_mode, device) == compute_mode_prohibited) {
-    entry.reason = "its compute mode is 'prohibited'";
-    return entry;
+  const int capability = 10 * attribute(capability_major) + attribute(capability_minor);
+  const bool prohibited = attribute(compute_mode) == compute_mode_prohibited;
+  if (prohibited && reason.empty()) reason = "its compute mode is 'prohibited'";
+  if (!reason.empty()) return found;
+
+  found.nvrtc = Nvrtc::open(version / 1000, reason);
+  if (found.nvrtc == nullptr) return found;
+  info.driver += ", NVRTC " + found.nvrtc->version();
+  found.target = found.nvrtc->target(capability);
+  found.entry.available = !found.target.empty();
+  if (!found.entry.available) {
+    reason = fmt::format("NVRTC {} does not compile for compute capability {:.1f}; an older one may",
+                         found.nvrtc->version(), capability / 10.0);
   }
-  const Nvrtc* nvrtc = Nvrtc::open(version / 1000, entry.reason);
-  if (nvrtc == nullptr) return entry;
-  info.driver += ", NVRTC " + nvrtc->version();
-  entry.available = !nvrtc->target(capability(driver, device)).empty();
-  if (!entry.available) {
-    entry.reason = fmt::format("NVRTC {} does not compile for compute capability {}; an older one may",
-                               nvrtc->version(), fmt::format("{:.1f}", capability(driver, device) / 10.0));
-  }
-  return entry;
+  return found;
 }
 
 }  // namespace
@@ -324,7 +328,7 @@ std::vector<DeviceEntry> list_devices() {
   }
   if (!reason.empty()) return {{.info = unknown(0), .available = false, .reason = reason}};
   std::vector<DeviceEntry> all;
-  for (int i = 0; i < count; ++i) all.push_back(describe(*driver, static_cast<std::uint32_t>(i)));
+  for (int i = 0; i < count; ++i) all.push_back(describe(*driver, static_cast<std::uint32_t>(i)).entry);
   return all;
 }
 
@@ -333,16 +337,11 @@ std::unique_ptr<interflect::Device> open_device(std::uint32_t index) {
   std::string reason;
   const Driver* driver = Driver::open(reason);
   if (driver == nullptr) refuse(id, "open", reason);
-  DeviceEntry entry = describe(*driver, index);
-  if (!entry.available) refuse(id, "open", entry.reason);
-  int version = 0, device = 0;
-  (void)driver->version(&version);
-  (void)driver->device_get(&device, static_cast<int>(index));
-  const Nvrtc* nvrtc = Nvrtc::open(version / 1000, reason);
-  if (nvrtc == nullptr) refuse(id, "open", reason);
-  auto session = std::make_shared<const Session>(*driver, id, device);
-  std::string target = nvrtc->target(capability(*driver, device));
-  return std::make_unique<Device>(std::move(entry.info), std::move(session), *nvrtc, std::move(target));
+  Found found = describe(*driver, index);
+  if (!found.entry.available) refuse(id, "open", found.entry.reason);
+  auto session = std::make_shared<const Session>(*driver, id, found.device);
+  return std::make_unique<Device>(std::move(found.entry.info), std::move(session), *found.nvrtc,
+                                  std::move(found.target));
 }
 
 }  // namespace interflect::cuda
