@@ -129,8 +129,9 @@ std::vector<BenchRow> products(const std::vector<std::pair<BenchRow, SharedPlace
                                unsigned repetitions, const SharedPlace& machine) {
   const FormFactorMatrix& matrix = room.factors.matrix;
   std::vector<Measurement> all;
-  for (const auto& [base, place] : places) {
-    BenchRow row = base;
+  for (const auto& entry : places) {
+    const SharedPlace& place = entry.second;
+    BenchRow row = entry.first;
     row.what = "read";
     row.bytes = matrix.bytes();
     add(all, row, [&] { return reading(place, room.sum); });
@@ -171,9 +172,10 @@ std::vector<BenchRow> products(const std::vector<std::pair<BenchRow, SharedPlace
 std::vector<BenchRow> solves(const std::vector<std::pair<BenchRow, SharedPlace>>& places, const Loaded& room,
                              unsigned repetitions) {
   std::vector<Measurement> all;
-  for (const auto& [base, place] : places) {
+  for (const auto& entry : places) {
+    const SharedPlace& place = entry.second;
     for (const Method method : {Method::cg, Method::bicgstab, Method::jacobi}) {
-      BenchRow row = base;
+      BenchRow row = entry.first;
       row.what = "solve:" + std::string(name(method));
       add(all, row, [&] { return solving(place, room, method); });
     }

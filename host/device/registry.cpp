@@ -36,6 +36,7 @@ std::vector<DeviceEntry> entries_of(const Backend& backend) {
   try {
     return backend.list();
   } catch (const Error& error) {
+    if (error.kind() != ErrorKind::device) throw;  // INTERFLECT_SIMD has a wrong value, for one
     DeviceInfo info;
     info.id = info.backend = backend.name;
     return {{.info = std::move(info), .available = false, .reason = error.what()}};

@@ -60,7 +60,8 @@ std::vector<float> product(Device& device, std::uint32_t n, std::uint32_t column
     const auto f_buffer = device.allocate(panel.size());
     device.queue().upload(*f_buffer, 0, panel);
     Buffer* const buffers[] = {f_buffer.get(), x_buffer.get(), y_buffer.get()};
-    device.queue().launch(*kernel, 1, buffers, std::as_bytes(std::span(&arguments, 1)), "Test");
+    device.queue().launch(*kernel, (arguments.rows + 15) / 16, buffers, std::as_bytes(std::span(&arguments, 1)),
+                          "Test");
   }
   device.queue().download(*y_buffer, 0, std::as_writable_bytes(std::span(y)));
   return y;

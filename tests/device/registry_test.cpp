@@ -178,5 +178,11 @@ TEST(MadeUpRegistry, ABackendThatFailsIsAnEntryThatSaysWhy) {
                [&] { static_cast<void>(registry.choose("auto")); });
 }
 
+TEST(MadeUpRegistry, AMistakeOfTheUsersIsNotTakenForAMissingDriver) {
+  const Registry registry({{"gpu", []() -> std::vector<DeviceEntry> { throw Error(ErrorKind::usage, "no such thing"); },
+                            [](std::uint32_t) -> std::unique_ptr<Device> { return nullptr; }}});
+  expect_error(ErrorKind::usage, HasSubstr("no such thing"), [&] { static_cast<void>(registry.list()); });
+}
+
 }  // namespace
 }  // namespace interflect
