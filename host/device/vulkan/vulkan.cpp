@@ -143,7 +143,7 @@ Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue>
     : interflect::Buffer(bytes), used_(std::move(queue)) {
   using Usage = vk::BufferUsageFlagBits;
   vk::BufferUsageFlags usage = Usage::eStorageBuffer | Usage::eTransferSrc | Usage::eTransferDst;
-  if (context.shape.texel) usage |= Usage::eStorageTexelBuffer;
+  if (context.shape.texel) usage |= Usage::eUniformTexelBuffer;
   memory_ = allocate_memory(context, rounded(bytes), usage, context.shape.staged ? Place::device : Place::shared);
   if (context.shape.texel) {
     texels_ =
@@ -168,7 +168,7 @@ Kernel::Kernel(FoundKernel found, const Context& context, std::shared_ptr<Queue>
   std::vector<vk::DescriptorSetLayoutBinding> bindings;
   for (std::uint32_t i = 0; i < line().access.size(); ++i) {
     const bool texel = context.shape.texel && reads_fours(name(), i);
-    types_.push_back(texel ? vk::DescriptorType::eStorageTexelBuffer : vk::DescriptorType::eStorageBuffer);
+    types_.push_back(texel ? vk::DescriptorType::eUniformTexelBuffer : vk::DescriptorType::eStorageBuffer);
     bindings.emplace_back(i, types_.back(), 1, Stage::eCompute);
   }
   if (const auto columns = macros().find("COLUMNS"); columns != macros().end()) {
@@ -424,7 +424,7 @@ std::string preamble(const FoundKernel& found, const Shape& shape) {
         "#extension GL_KHR_shader_subgroup_arithmetic : require\n";
   }
   const auto define = [&out](std::string_view name, std::uint32_t value) {
-    out += fmt::format("#define {} {}u\n", name, value);
+    out += fmt::format("#define {} {}\n", name, value);
   };
   out += fmt::format("#define KERNEL_{}\n#define WORKGROUP {}\n", found.line->name, shape.workgroup);
   if (shape.subgroups != 0) out += fmt::format("#define SUBGROUPS {}\n", shape.subgroups);
