@@ -3,8 +3,8 @@
 // INPUT_FOURS(binding, name) declares name, FOUR(name, i) is its i-th four.
 
 #ifdef TEXEL
-#define INPUT_FOURS(index, name) layout(set = 0, binding = index, rgba32f) uniform readonly restrict imageBuffer name;
-#define FOUR(name, i) imageLoad(name, int(i))
+#define INPUT_FOURS(index, name) layout(set = 0, binding = index) uniform samplerBuffer name;
+#define FOUR(name, i) texelFetch(name, int(i))
 #else
 #define INPUT_FOURS(index, name) \
   layout(set = 0, binding = index, std430) readonly restrict buffer Fours_##name { vec4 name[]; };

@@ -8,7 +8,7 @@
 //
 // Order of sums: an invocation adds the four products of a four one after the other and that to its sum of the row;
 // after BLOCK fours the sum joins the row's total and begins again from zero; at the end the totals of the work-group
-// are added (group_sum.comp).
+// are added, by subgroups and these in order, or in a tree in shared memory (group_sum.comp).
 #include "fours.comp"
 
 layout(local_size_x = WORKGROUP) in;
@@ -27,6 +27,12 @@ layout(set = 0, binding = 2, std430) writeonly restrict buffer Y { float y[]; };
 
 #include "group_sum.comp"
 
+// Where a work-group has several subgroups their sums meet in shared memory, all rows and columns behind one barrier.
+#if defined(SUBGROUPS) && SUBGROUPS > 1 && ROWS * CHUNK * SUBGROUPS <= 2048
+#define SUMS_TOGETHER
+shared float sums_of_subgroups[ROWS * CHUNK * SUBGROUPS];
+#endif
+
 const uint BLOCK = 64u;
 
 uint row_of(uint r) { return gl_WorkGroupID.y * ROWS + r; }
@@ -40,6 +46,36 @@ void take_strip() {
   for (uint r = 0u; r < ROWS; ++r) f_row[r] = min(row_of(r), a.rows - 1u) * (a.row_stride / 4u);
   for (uint c = 0u; c < CHUNK; ++c) x_column[c] = min(column_of(c), COLUMNS - 1u) * (a.vector_stride / 4u);
 }
+
+void store_one(uint r, uint c, float sum) {
+  if (row_of(r) < a.rows && column_of(c) < COLUMNS) y[column_of(c) * a.vector_stride + a.first + row_of(r)] = sum;
+}
+
+#ifdef SUMS_TOGETHER
+void store(float total[ROWS][CHUNK]) {
+  for (uint r = 0u; r < ROWS; ++r) {
+    for (uint c = 0u; c < CHUNK; ++c) {
+      const float sum = subgroupAdd(total[r][c]);
+      if (subgroupElect()) sums_of_subgroups[(r * CHUNK + c) * SUBGROUPS + gl_SubgroupID] = sum;
+    }
+  }
+  barrier();
+  for (uint k = gl_LocalInvocationIndex; k < ROWS * CHUNK; k += WORKGROUP) {
+    float sum = 0.0;
+    for (uint s = 0u; s < gl_NumSubgroups; ++s) sum += sums_of_subgroups[k * SUBGROUPS + s];
+    store_one(k / CHUNK, k % CHUNK, sum);
+  }
+}
+#else
+void store(float total[ROWS][CHUNK]) {
+  for (uint r = 0u; r < ROWS; ++r) {
+    for (uint c = 0u; c < CHUNK; ++c) {
+      const float sum = group_sum(total[r][c]);
+      if (gl_LocalInvocationIndex == 0u) store_one(r, c, sum);
+    }
+  }
+}
+#endif
 
 void main() {
   take_strip();
@@ -76,12 +112,5 @@ void main() {
       }
     }
   }
-  for (uint r = 0u; r < ROWS; ++r) {
-    for (uint c = 0u; c < CHUNK; ++c) {
-      const float sum = group_sum(total[r][c]);
-      if (gl_LocalInvocationIndex == 0u && row_of(r) < a.rows && column_of(c) < COLUMNS) {
-        y[column_of(c) * a.vector_stride + a.first + row_of(r)] = sum;
-      }
-    }
-  }
+  store(total);
 }

@@ -117,6 +117,7 @@ std::string version_text(std::uint32_t version) {
 void read_properties(Adapter& adapter) {
   const std::uint32_t version = adapter.properties.apiVersion;
   vk::PhysicalDeviceIDProperties identity;
+  vk::PhysicalDeviceMaintenance3Properties allocation;
   vk::PhysicalDeviceDriverProperties driver;
   vk::PhysicalDeviceSubgroupSizeControlProperties sizes;
   vk::PhysicalDeviceSubgroupSizeControlFeatures control;
@@ -126,7 +127,8 @@ void read_properties(Adapter& adapter) {
   const bool sizes_known =
       version >= VK_API_VERSION_1_3 || has_extension(adapter.physical, VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME);
   properties.pNext = &identity;
-  identity.pNext = &adapter.subgroup;
+  identity.pNext = &allocation;
+  allocation.pNext = &adapter.subgroup;
   if (sizes_known) adapter.subgroup.pNext = &sizes;
   if (names_driver) driver.pNext = std::exchange(properties.pNext, &driver);
   if (sizes_known) features.pNext = &control;
@@ -135,6 +137,7 @@ void read_properties(Adapter& adapter) {
                                           reinterpret_cast<VkPhysicalDeviceProperties2*>(&properties));
   dispatch.vkGetPhysicalDeviceFeatures2(*adapter.physical, reinterpret_cast<VkPhysicalDeviceFeatures2*>(&features));
   adapter.subgroup.pNext = nullptr;
+  adapter.max_allocation = allocation.maxMemoryAllocationSize;
   adapter.uuid = hexadecimal(identity.deviceUUID, identity.deviceUUID.size());
   adapter.driver = names_driver ? fmt::format("{} {}", driver.driverName.data(), driver.driverInfo.data())
                                 : version_text(adapter.properties.driverVersion);
@@ -212,7 +215,7 @@ Shape choose_shape(std::string_view id, const Adapter& adapter) {
       forced == "gpu" || (type != vk::PhysicalDeviceType::eCpu && type != vk::PhysicalDeviceType::eIntegratedGpu);
   shape.subgroup = wanted.value_or(0);
   shape.workgroup = shape.texel ? size : std::min(256U, limits.maxComputeWorkGroupInvocations);
-  shape.rows = 8;
+  shape.rows = shape.texel ? 16 : 8;
   shape.chunk = shape.texel ? 3 : 4;
   if (adds) {
     const std::uint32_t smallest =

@@ -66,6 +66,7 @@ struct Adapter {
   std::uint32_t family = 0;  ///< of queues that compute
   /// The subgroup sizes that can be asked for; 0: none can.
   std::uint32_t smallest_subgroup = 0, largest_subgroup = 0;
+  std::uint64_t max_allocation = 0;  ///< bytes of one piece of memory
   std::string driver, uuid, reason;  ///< reason: why it cannot be used; empty: it can
 };
 [[nodiscard]] std::vector<Adapter> adapters(const Instance& instance);
@@ -101,8 +102,13 @@ struct Memory {
   vk::raii::Buffer buffer = nullptr;
   std::byte* mapped = nullptr;  ///< where the host sees it; null: it does not
 };
+/// Where only the device sees it; where both do; where the host sees it best.
 enum class Place { device, shared, staging };
 [[nodiscard]] Memory allocate_memory(const Context& context, std::size_t bytes, vk::BufferUsageFlags usage,
                                      Place place);
+
+/// open_device() of vulkan.h, also without the barriers between launches: for the test that shows that validation
+/// reports their absence.
+[[nodiscard]] std::unique_ptr<interflect::Device> open_device(std::uint32_t index, bool ordered);
 
 }  // namespace interflect::vulkan

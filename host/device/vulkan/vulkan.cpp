@@ -15,6 +15,7 @@
 #include "interflect/device/compile_cache.h"
 #include "interflect/device/kernel_source.h"
 #include "interflect/device/vulkan/api.h"
+#include "interflect/device/vulkan/commands.h"
 #include "interflect/device/vulkan/glsl.h"
 
 namespace interflect::vulkan {
@@ -78,8 +79,8 @@ class Kernel final : public interflect::Kernel {
 
 class Queue final : public interflect::Queue {
  public:
-  Queue(std::shared_ptr<Context> context, const DeviceInfo& info);
-  ~Queue() override;
+  Queue(std::shared_ptr<Context> context, const DeviceInfo& info, bool ordered)
+      : context_(std::move(context)), info_(info), commands_(context_, ordered) {}
 
   void upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) override;
   void download(const interflect::Buffer& from, std::size_t offset, std::span<std::byte> to) override;
@@ -87,43 +88,25 @@ class Queue final : public interflect::Queue {
               std::span<const std::byte> arguments, std::string_view label) override;
   void wait() override;
 
+  /// Fills a new buffer with zeros.
   void clear(const Buffer& buffer);
   /// Before a buffer or kernel goes: waits for what may use it and drops the descriptor sets that name it.
   void forget(std::uint64_t number) noexcept;
 
  private:
-  static constexpr std::uint32_t most_launches = 64;  ///< in a submission: no watchdog waits for longer
-  static constexpr std::size_t piece = std::size_t{16} << 20;
-
-  /// A command buffer, what tells when it is done, and memory for its transfers.
-  struct Slot {
-    vk::raii::CommandBuffer commands;
-    vk::raii::Fence fence;
-    Memory staging;
-    bool under_way = false;
-  };
   struct Set {
     vk::raii::DescriptorPool pool = nullptr;
     vk::raii::DescriptorSet set = nullptr;
   };
   using Key = std::array<std::uint64_t, 9>;  ///< numbers of a kernel and its buffers; no kernel takes more
 
-  vk::CommandBuffer record();
-  void submit();
-  void finish(Slot& slot);
-  void finish_all();
-  Slot& begin_piece();
   vk::DescriptorSet bind(const Kernel& kernel, std::span<interflect::Buffer* const> buffers);
   Set make_set(const Kernel& kernel, std::span<interflect::Buffer* const> buffers);
 
   std::shared_ptr<Context> context_;
   const DeviceInfo& info_;
-  vk::raii::Queue queue_;
-  vk::raii::CommandPool pool_;
-  std::vector<Slot> slots_;
-  std::size_t current_ = 0;
-  std::uint32_t recorded_ = 0;  ///< in the current slot; 0: it is not being recorded
   std::map<Key, Set> sets_;
+  Commands commands_;  ///< goes first
 };
 
 Used::Used(std::shared_ptr<Queue> queue) : queue_(std::move(queue)) {
@@ -143,7 +126,7 @@ Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue>
     : interflect::Buffer(bytes), used_(std::move(queue)) {
   using Usage = vk::BufferUsageFlagBits;
   vk::BufferUsageFlags usage = Usage::eStorageBuffer | Usage::eTransferSrc | Usage::eTransferDst;
-  if (context.shape.texel) usage |= Usage::eStorageTexelBuffer;
+  if (context.shape.texel) usage |= Usage::eUniformTexelBuffer;
   memory_ = allocate_memory(context, rounded(bytes), usage, context.shape.staged ? Place::device : Place::shared);
   if (context.shape.texel) {
     texels_ =
@@ -168,7 +151,7 @@ Kernel::Kernel(FoundKernel found, const Context& context, std::shared_ptr<Queue>
   std::vector<vk::DescriptorSetLayoutBinding> bindings;
   for (std::uint32_t i = 0; i < line().access.size(); ++i) {
     const bool texel = context.shape.texel && reads_fours(name(), i);
-    types_.push_back(texel ? vk::DescriptorType::eStorageTexelBuffer : vk::DescriptorType::eStorageBuffer);
+    types_.push_back(texel ? vk::DescriptorType::eUniformTexelBuffer : vk::DescriptorType::eStorageBuffer);
     bindings.emplace_back(i, types_.back(), 1, Stage::eCompute);
   }
   if (const auto columns = macros().find("COLUMNS"); columns != macros().end()) {
@@ -189,62 +172,26 @@ Kernel::Kernel(FoundKernel found, const Context& context, std::shared_ptr<Queue>
   pipeline_ = {context.device, nullptr, vk::ComputePipelineCreateInfo({}, stage, *layout_)};
 }
 
-Queue::Queue(std::shared_ptr<Context> context, const DeviceInfo& info)
-    : context_(std::move(context)),
-      info_(info),
-      queue_(context_->device.getQueue(context_->adapter.family, 0)),
-      pool_(context_->device, {vk::CommandPoolCreateFlagBits::eResetCommandBuffer, context_->adapter.family}) {
-  constexpr std::uint32_t count = 3;  // one is recorded, one waits, one runs
-  const vk::CommandBufferAllocateInfo wanted(*pool_, vk::CommandBufferLevel::ePrimary, count);
-  for (vk::raii::CommandBuffer& commands : vk::raii::CommandBuffers(context_->device, wanted)) {
-    slots_.push_back({std::move(commands), vk::raii::Fence(context_->device, vk::FenceCreateInfo()), {}});
-  }
-}
-
-Queue::~Queue() {
-  try {
-    finish_all();
-  } catch (...) {  // a lost device: nothing runs any more
-  }
-}
-
 void Queue::upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) {
   auto& buffer = own<Buffer>(to, info_.id, "upload");
   check_range(info_.id, to, offset, from.size(), "upload");
   if (from.empty()) return;
+  const Memory& memory = buffer.memory();
   attempt(info_.id, "upload", [&] {
-    if (buffer.memory().mapped != nullptr) {
-      finish_all();  // what runs may still read the old contents
-      std::memcpy(buffer.memory().mapped + offset, from.data(), from.size());
-      return;
-    }
-    for (std::size_t done = 0; done < from.size(); done += piece) {
-      const std::span<const std::byte> part = from.subspan(done, std::min(piece, from.size() - done));
-      const Slot& slot = begin_piece();
-      std::memcpy(slot.staging.mapped, part.data(), part.size());
-      record().copyBuffer(*slot.staging.buffer, *buffer.memory().buffer, vk::BufferCopy(0, offset + done, part.size()));
-      submit();
-    }
+    if (memory.mapped == nullptr) return commands_.copy_in(from, *memory.buffer, offset);
+    commands_.finish();  // what runs may still use the old contents
+    std::memcpy(memory.mapped + offset, from.data(), from.size());
   });
 }
 
 void Queue::download(const interflect::Buffer& from, std::size_t offset, std::span<std::byte> to) {
   const auto& buffer = own<const Buffer>(from, info_.id, "download");
   check_range(info_.id, from, offset, to.size(), "download");
+  const Memory& memory = buffer.memory();
   attempt(info_.id, "download", [&] {
-    if (buffer.memory().mapped != nullptr) {
-      finish_all();
-      if (!to.empty()) std::memcpy(to.data(), buffer.memory().mapped + offset, to.size());
-      return;
-    }
-    for (std::size_t done = 0; done < to.size(); done += piece) {
-      const std::span<std::byte> part = to.subspan(done, std::min(piece, to.size() - done));
-      Slot& slot = begin_piece();
-      record().copyBuffer(*buffer.memory().buffer, *slot.staging.buffer, vk::BufferCopy(offset + done, 0, part.size()));
-      submit();
-      finish(slot);
-      std::memcpy(part.data(), slot.staging.mapped, part.size());
-    }
+    commands_.finish();
+    if (memory.mapped == nullptr) return commands_.copy_out(*memory.buffer, offset, to);
+    if (!to.empty()) std::memcpy(to.data(), memory.mapped + offset, to.size());
   });
   context_->instance->messages().raise(info_.id, "download");
 }
@@ -255,97 +202,37 @@ void Queue::launch(const interflect::Kernel& kernel, std::uint32_t groups, std::
   check_launch(info_, mine.line(), mine.macros(), groups, buffers, arguments, label);
   attempt(info_.id, fmt::format("launch {} ({})", mine.name(), label), [&] {
     const vk::DescriptorSet set = bind(mine, buffers);
-    const vk::CommandBuffer commands = record();
+    const vk::CommandBuffer commands = commands_.next();
     const auto& d = *context_->device.getDispatcher();
     commands.bindPipeline(vk::PipelineBindPoint::eCompute, mine.pipeline(), d);
     commands.bindDescriptorSets(vk::PipelineBindPoint::eCompute, mine.layout(), 0, set, nullptr, d);
     commands.pushConstants(mine.layout(), vk::ShaderStageFlagBits::eCompute, 0,
                            static_cast<std::uint32_t>(arguments.size()), arguments.data(), d);
     commands.dispatch(mine.chunks(), groups, 1, d);
-    if (recorded_ >= most_launches) submit();
   });
 }
 
 void Queue::wait() {
-  attempt(info_.id, "wait", [&] { finish_all(); });
+  attempt(info_.id, "wait", [&] { commands_.finish(); });
   context_->instance->messages().raise(info_.id, "wait");
 }
 
-/// Fills a new buffer with zeros.
 void Queue::clear(const Buffer& buffer) {
   if (buffer.memory().mapped != nullptr) {
     std::memset(buffer.memory().mapped, 0, rounded(buffer.size()));
   } else {
-    record().fillBuffer(*buffer.memory().buffer, 0, VK_WHOLE_SIZE, 0, *context_->device.getDispatcher());
+    commands_.next().fillBuffer(*buffer.memory().buffer, 0, VK_WHOLE_SIZE, 0, *context_->device.getDispatcher());
   }
 }
 
 void Queue::forget(std::uint64_t number) noexcept {
   try {
-    finish_all();
+    commands_.finish();
   } catch (...) {  // a lost device: nothing runs any more
   }
   std::erase_if(sets_, [&](const auto& entry) {
     return std::find(entry.first.begin(), entry.first.end(), number) != entry.first.end();
   });
-}
-
-/// The command buffer for one more command, behind a barrier that lets it see all that came before.
-vk::CommandBuffer Queue::record() {
-  using Stage = vk::PipelineStageFlagBits;
-  using Access = vk::AccessFlagBits;
-  Slot& slot = slots_[current_];
-  if (recorded_ == 0) {
-    finish(slot);
-    slot.commands.begin({vk::CommandBufferUsageFlagBits::eOneTimeSubmit});
-  }
-  ++recorded_;
-  const vk::MemoryBarrier barrier(
-      Access::eShaderWrite | Access::eTransferWrite,
-      Access::eShaderRead | Access::eShaderWrite | Access::eTransferRead | Access::eTransferWrite);
-  slot.commands.pipelineBarrier(Stage::eComputeShader | Stage::eTransfer, Stage::eComputeShader | Stage::eTransfer, {},
-                                barrier, nullptr, nullptr);
-  return *slot.commands;
-}
-
-/// Hands what is recorded to the device and goes on with the next command buffer.
-void Queue::submit() {
-  using Stage = vk::PipelineStageFlagBits;
-  using Access = vk::AccessFlagBits;
-  if (recorded_ == 0) return;
-  Slot& slot = slots_[current_];
-  const vk::MemoryBarrier barrier(Access::eShaderWrite | Access::eTransferWrite, Access::eHostRead);
-  slot.commands.pipelineBarrier(Stage::eComputeShader | Stage::eTransfer, Stage::eHost, {}, barrier, nullptr, nullptr);
-  recorded_ = 0;  // whatever happens now, these commands are not run again
-  slot.commands.end();
-  const vk::CommandBuffer commands = *slot.commands;
-  queue_.submit(vk::SubmitInfo({}, {}, commands), *slot.fence);
-  slot.under_way = true;
-  current_ = (current_ + 1) % slots_.size();
-}
-
-void Queue::finish(Slot& slot) {
-  if (!slot.under_way) return;
-  static_cast<void>(context_->device.waitForFences(*slot.fence, true, UINT64_MAX));
-  slot.under_way = false;
-  context_->device.resetFences(*slot.fence);
-}
-
-void Queue::finish_all() {
-  submit();
-  for (Slot& slot : slots_) finish(slot);
-}
-
-/// An empty command buffer whose staging memory nothing uses.
-Queue::Slot& Queue::begin_piece() {
-  submit();
-  Slot& slot = slots_[current_];
-  finish(slot);
-  if (slot.staging.mapped == nullptr) {
-    using Usage = vk::BufferUsageFlagBits;
-    slot.staging = allocate_memory(*context_, piece, Usage::eTransferSrc | Usage::eTransferDst, Place::staging);
-  }
-  return slot;
 }
 
 /// The descriptor set of a kernel with these buffers: made at the first launch, then used again.
@@ -381,10 +268,10 @@ Queue::Set Queue::make_set(const Kernel& kernel, std::span<interflect::Buffer* c
 
 class Device final : public interflect::Device {
  public:
-  Device(DeviceInfo info, std::shared_ptr<Context> context)
+  Device(DeviceInfo info, std::shared_ptr<Context> context, bool ordered)
       : info_(std::move(info)),
         context_(std::move(context)),
-        queue_(attempt(info_.id, "open", [&] { return std::make_shared<Queue>(context_, info_); })) {}
+        queue_(attempt(info_.id, "open", [&] { return std::make_shared<Queue>(context_, info_, ordered); })) {}
 
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }
 
@@ -424,7 +311,7 @@ std::string preamble(const FoundKernel& found, const Shape& shape) {
         "#extension GL_KHR_shader_subgroup_arithmetic : require\n";
   }
   const auto define = [&out](std::string_view name, std::uint32_t value) {
-    out += fmt::format("#define {} {}u\n", name, value);
+    out += fmt::format("#define {} {}\n", name, value);
   };
   out += fmt::format("#define KERNEL_{}\n#define WORKGROUP {}\n", found.line->name, shape.workgroup);
   if (shape.subgroups != 0) out += fmt::format("#define SUBGROUPS {}\n", shape.subgroups);
@@ -484,13 +371,19 @@ DeviceInfo describe(std::size_t index, const Adapter& adapter) {
                   .driver = adapter.driver,
                   .type = device_type(adapter.properties.deviceType),
                   .memory_bytes = local_memory(adapter.physical),
-                  .max_buffer_bytes = limits.maxStorageBufferRange / 64 * 64,
+                  .max_buffer_bytes = limits.maxStorageBufferRange,
                   .hardware = {}};
   const bool cpu = info.type == DeviceType::cpu;
   if (cpu) info.compute_units = std::thread::hardware_concurrency();  // of a GPU the core of Vulkan does not tell
   if (info.type == DeviceType::gpu) info.hardware = adapter.uuid;
   // In kernels/glsl the groups lie along y; read multiplies two numbers of groups in 32 bits.
   info.max_groups = std::min(65535U, limits.maxComputeWorkGroupCount[1]);
+  if (!adapter.reason.empty()) return info;
+  const Shape shape = choose_shape(info.id, adapter);
+  info.rows_per_group = shape.rows;
+  const std::uint64_t texels = shape.texel ? limits.maxTexelBufferElements : UINT32_MAX;
+  const std::uint64_t most = std::min({info.max_buffer_bytes, adapter.max_allocation, texels * 16});
+  info.max_buffer_bytes = most / 64 * 64;
   return info;
 }
 
@@ -523,18 +416,17 @@ std::vector<DeviceEntry> list_devices() {
 }
 
 std::unique_ptr<interflect::Device> open_device(std::uint32_t index) {
+  return open_device(index, true);
+}
+
+std::unique_ptr<interflect::Device> open_device(std::uint32_t index, bool ordered) {
   const std::string id = fmt::format("vulkan:{}", index);
   auto instance = attempt(id, "open", [] { return std::make_shared<Instance>(); });
   std::vector<Adapter> all = attempt(id, "open", [&] { return adapters(*instance); });
   if (index >= all.size()) refuse(id, "open", "there is no such device");
   DeviceInfo info = describe(index, all[index]);
-  auto context = open_context(id, std::move(instance), std::move(all[index]));
-  info.rows_per_group = context->shape.rows;
-  if (context->shape.texel) {
-    const std::uint64_t texels = context->adapter.properties.limits.maxTexelBufferElements;
-    info.max_buffer_bytes = std::min(info.max_buffer_bytes, texels * 16 / 64 * 64);
-  }
-  return std::make_unique<Device>(std::move(info), std::move(context));
+  return std::make_unique<Device>(std::move(info), open_context(id, std::move(instance), std::move(all[index])),
+                                  ordered);
 }
 
 }  // namespace interflect::vulkan
