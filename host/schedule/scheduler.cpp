@@ -142,7 +142,9 @@ Vector Scheduler::sums() {
 }
 
 VectorKernel Scheduler::kernel(std::string_view name) {
-  return VectorKernel(device_->kernel(name, {}));
+  auto found = kernels_.find(name);
+  if (found == kernels_.end()) found = kernels_.emplace(name, device_->kernel(name, {})).first;
+  return VectorKernel(found->second);
 }
 
 void Scheduler::upload(Vector& to, const Columns& from) {

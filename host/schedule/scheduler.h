@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <initializer_list>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -33,8 +34,8 @@ class Vector {
 /// A vector kernel of kernels/, compiled for the devices. Must not outlive its Scheduler.
 class VectorKernel {
   friend class Scheduler;
-  explicit VectorKernel(std::unique_ptr<Kernel> kernel) : kernel_(std::move(kernel)) {}
-  std::unique_ptr<Kernel> kernel_;
+  explicit VectorKernel(std::shared_ptr<const Kernel> kernel) : kernel_(std::move(kernel)) {}
+  std::shared_ptr<const Kernel> kernel_;
 };
 
 /// Places the panels of F on devices, applies F across them, and owns their queues: what a solver knows of an operator
@@ -69,7 +70,7 @@ class Scheduler {
   [[nodiscard]] Vector vector();
   /// A zeroed sums buffer: the scalar slots and partial sums of kernel_arguments.h.
   [[nodiscard]] Vector sums();
-  /// The vector kernel `name` of kernels/README.md. Throws a device Error for an unknown one.
+  /// The vector kernel `name` of kernels/README.md, compiled once and kept. Throws a device Error for an unknown one.
   [[nodiscard]] VectorKernel kernel(std::string_view name);
 
   /// Host columns (C of N values) to a vector. Throws an internal Error for another shape.
@@ -110,6 +111,7 @@ class Scheduler {
   VectorArguments arguments_;
   std::uint32_t groups_ = 0;
   std::unique_ptr<Kernel> matvec_;
+  std::map<std::string, std::shared_ptr<const Kernel>, std::less<>> kernels_;
   std::vector<PlacedPanel> panels_;
   std::vector<float> staging_;
   std::uint64_t uploaded_bytes_ = 0;
