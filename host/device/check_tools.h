@@ -62,7 +62,9 @@ void compare(Finding& finding, float result, double reference, double magnitude)
 /// unsupported, any other a failure.
 void add_case(std::vector<KernelCheck>& rows, KernelCheck row, const std::function<Finding()>& run);
 
-void check_matvec(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size = every_size);
+/// `only_columns`: the cases of so many columns (a kernel is compiled for each number); 0: all.
+void check_matvec(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size = every_size,
+                  std::uint32_t only_columns = 0);
 /// read and copy
 void check_stream(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size = every_size);
 /// dot, axpby, and the steps of the solvers

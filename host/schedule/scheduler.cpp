@@ -8,6 +8,7 @@
 
 #include "interflect/base/error.h"
 #include "interflect/base/memory.h"
+#include "interflect/base/timer.h"
 
 namespace interflect {
 
@@ -143,7 +144,11 @@ Vector Scheduler::sums() {
 
 VectorKernel Scheduler::kernel(std::string_view name) {
   auto found = kernels_.find(name);
-  if (found == kernels_.end()) found = kernels_.emplace(name, device_->kernel(name, {})).first;
+  if (found == kernels_.end()) {
+    const Timer timer;
+    found = kernels_.emplace(name, device_->kernel(name, {})).first;
+    compile_seconds_ += timer.seconds();
+  }
   return VectorKernel(found->second);
 }
 

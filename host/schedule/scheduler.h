@@ -72,6 +72,8 @@ class Scheduler {
   [[nodiscard]] Vector sums();
   /// The vector kernel `name` of kernels/README.md, compiled once and kept. Throws a device Error for an unknown one.
   [[nodiscard]] VectorKernel kernel(std::string_view name);
+  /// Seconds that kernel() has spent in the device's compiler or in loading what it compiled before.
+  [[nodiscard]] double compile_seconds() const { return compile_seconds_; }
 
   /// Host columns (C of N values) to a vector. Throws an internal Error for another shape.
   void upload(Vector& to, const Columns& from);
@@ -116,6 +118,7 @@ class Scheduler {
   std::vector<float> staging_;
   std::uint64_t uploaded_bytes_ = 0;
   std::uint64_t products_ = 0;
+  double compile_seconds_ = 0;
 };
 
 }  // namespace interflect

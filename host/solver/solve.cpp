@@ -29,13 +29,15 @@ SolveReport solve(Scheduler& scheduler, Method method, const StopTest& stop, std
   }
   const Problem problem(scheduler, area, reflectance, emittance);
   const std::uint64_t products_before = scheduler.products();
+  const double compiled_before = scheduler.compile_seconds();
   SolveReport report;
   Bar bar(progress, "Solve");
   Refinement refinement(scheduler, method, stop, problem, bar, report);
   const auto count_all = [&] {
     const auto products = static_cast<std::uint32_t>(scheduler.products() - products_before);
     report.products = products + (checkpoint != nullptr ? checkpoint->products : 0);
-    report.seconds = timer.seconds() + (checkpoint != nullptr ? checkpoint->seconds : 0);
+    report.seconds = timer.seconds() - (scheduler.compile_seconds() - compiled_before) +
+                     (checkpoint != nullptr ? checkpoint->seconds : 0);
   };
   refinement.begin(emittance, checkpoint);
   try {
