@@ -26,37 +26,32 @@ namespace {
 
 class Queue;
 
-/// Something that commands under way may use: the queue is told before it goes.
-class Used {
- public:
-  explicit Used(std::shared_ptr<Queue> queue);
-  Used(const Used&) = delete;
-  Used& operator=(const Used&) = delete;
-  ~Used();
-  [[nodiscard]] std::uint64_t number() const { return number_; }
-
- private:
-  std::shared_ptr<Queue> queue_;
-  std::uint64_t number_;  ///< of this buffer or kernel and no other, ever
-};
+/// Of a buffer or kernel and no other, ever.
+std::uint64_t new_number() {
+  static std::atomic<std::uint64_t> last = 0;
+  return ++last;
+}
 
 class Buffer final : public interflect::Buffer {
  public:
   Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue> queue);
+  ~Buffer() override;
 
   [[nodiscard]] const Memory& memory() const { return memory_; }
   [[nodiscard]] vk::BufferView texels() const { return *texels_; }
-  [[nodiscard]] std::uint64_t number() const { return used_.number(); }
+  [[nodiscard]] std::uint64_t number() const { return number_; }
 
  private:
+  std::shared_ptr<Queue> queue_;  ///< goes last: the API's device lives as long
+  std::uint64_t number_ = new_number();
   Memory memory_;
   vk::raii::BufferView texels_ = nullptr;  ///< where the shape reads by texels
-  Used used_;                              ///< goes first
 };
 
 class Kernel final : public interflect::Kernel {
  public:
   Kernel(FoundKernel found, const Context& context, std::shared_ptr<Queue> queue, std::span<const std::byte> binary);
+  ~Kernel() override;
 
   [[nodiscard]] const KernelLine& line() const { return *found_.line; }
   [[nodiscard]] const Macros& macros() const { return found_.macros; }
@@ -65,16 +60,17 @@ class Kernel final : public interflect::Kernel {
   [[nodiscard]] vk::DescriptorSetLayout set_layout() const { return *set_layout_; }
   [[nodiscard]] vk::DescriptorType type(std::size_t buffer) const { return types_[buffer]; }
   [[nodiscard]] std::uint32_t chunks() const { return chunks_; }
-  [[nodiscard]] std::uint64_t number() const { return used_.number(); }
+  [[nodiscard]] std::uint64_t number() const { return number_; }
 
  private:
+  std::shared_ptr<Queue> queue_;  ///< goes last: the API's device lives as long
+  std::uint64_t number_ = new_number();
   FoundKernel found_;
   std::vector<vk::DescriptorType> types_;
   std::uint32_t chunks_ = 1;  ///< of matvec's columns: work-groups side by side
   vk::raii::DescriptorSetLayout set_layout_ = nullptr;
   vk::raii::PipelineLayout layout_ = nullptr;
   vk::raii::Pipeline pipeline_ = nullptr;
-  Used used_;  ///< goes first
 };
 
 class Queue final : public interflect::Queue {
@@ -109,21 +105,12 @@ class Queue final : public interflect::Queue {
   Commands commands_;  ///< goes first
 };
 
-Used::Used(std::shared_ptr<Queue> queue) : queue_(std::move(queue)) {
-  static std::atomic<std::uint64_t> last = 0;
-  number_ = ++last;
-}
-
-Used::~Used() {
-  queue_->forget(number_);
-}
-
 constexpr std::size_t rounded(std::size_t bytes) {
   return std::max<std::size_t>(64, (bytes + 63) / 64 * 64);  // whole fours
 }
 
 Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue> queue)
-    : interflect::Buffer(bytes), used_(std::move(queue)) {
+    : interflect::Buffer(bytes), queue_(std::move(queue)) {
   using Usage = vk::BufferUsageFlagBits;
   vk::BufferUsageFlags usage = Usage::eStorageBuffer | Usage::eTransferSrc | Usage::eTransferDst;
   if (context.shape.texel) usage |= Usage::eUniformTexelBuffer;
@@ -132,6 +119,10 @@ Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue>
     texels_ =
         vk::raii::BufferView(context.device, {{}, *memory_.buffer, vk::Format::eR32G32B32A32Sfloat, 0, VK_WHOLE_SIZE});
   }
+}
+
+Buffer::~Buffer() {
+  queue_->forget(number_);
 }
 
 /// Whether a buffer of the kernel is declared with INPUT_FOURS (kernels/glsl/fours.comp).
@@ -146,7 +137,7 @@ std::uint32_t chunk_columns(std::uint32_t columns, std::uint32_t largest) {
 
 Kernel::Kernel(FoundKernel found, const Context& context, std::shared_ptr<Queue> queue,
                std::span<const std::byte> binary)
-    : interflect::Kernel(std::string(found.line->name)), found_(std::move(found)), used_(std::move(queue)) {
+    : interflect::Kernel(std::string(found.line->name)), queue_(std::move(queue)), found_(std::move(found)) {
   using Stage = vk::ShaderStageFlagBits;
   std::vector<vk::DescriptorSetLayoutBinding> bindings;
   for (std::uint32_t i = 0; i < line().access.size(); ++i) {
@@ -170,6 +161,10 @@ Kernel::Kernel(FoundKernel found, const Context& context, std::shared_ptr<Queue>
   const vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo size(context.shape.subgroup);
   if (context.shape.subgroup != 0) stage.setPNext(&size);
   pipeline_ = {context.device, nullptr, vk::ComputePipelineCreateInfo({}, stage, *layout_)};
+}
+
+Kernel::~Kernel() {
+  queue_->forget(number_);
 }
 
 void Queue::upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) {
@@ -334,7 +329,7 @@ std::unique_ptr<interflect::Kernel> Device::kernel(std::string_view name, const 
   try {
     binary = cached_compile(key, [&] { return compile_glsl(options + source); });
   } catch (const std::string& log) {
-    refuse(info_.id, operation, log);
+    throw Error(ErrorKind::device, fmt::format("{}: {}: {}", info_.id, operation, log));  // with the log's lines
   }
   const Timer timer;
   auto kernel = attempt(info_.id, operation,
