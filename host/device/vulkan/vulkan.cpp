@@ -17,6 +17,7 @@
 #include "interflect/device/vulkan/api.h"
 #include "interflect/device/vulkan/commands.h"
 #include "interflect/device/vulkan/glsl.h"
+#include "interflect/device/vulkan/program.h"
 
 namespace interflect::vulkan {
 
@@ -26,55 +27,47 @@ namespace {
 
 class Queue;
 
-/// Something that commands under way may use: the queue is told before it goes.
-class Used {
- public:
-  explicit Used(std::shared_ptr<Queue> queue);
-  Used(const Used&) = delete;
-  Used& operator=(const Used&) = delete;
-  ~Used();
-  [[nodiscard]] std::uint64_t number() const { return number_; }
-
- private:
-  std::shared_ptr<Queue> queue_;
-  std::uint64_t number_;  ///< of this buffer or kernel and no other, ever
-};
+/// Of a buffer or kernel and no other, ever.
+std::uint64_t new_number() {
+  static std::atomic<std::uint64_t> last = 0;
+  return ++last;
+}
 
 class Buffer final : public interflect::Buffer {
  public:
   Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue> queue);
+  ~Buffer() override;
 
   [[nodiscard]] const Memory& memory() const { return memory_; }
   [[nodiscard]] vk::BufferView texels() const { return *texels_; }
-  [[nodiscard]] std::uint64_t number() const { return used_.number(); }
+  [[nodiscard]] std::uint64_t number() const { return number_; }
 
  private:
+  std::shared_ptr<Queue> queue_;  ///< goes last: the API's device lives as long
+  std::uint64_t number_ = new_number();
   Memory memory_;
   vk::raii::BufferView texels_ = nullptr;  ///< where the shape reads by texels
-  Used used_;                              ///< goes first
 };
 
 class Kernel final : public interflect::Kernel {
  public:
-  Kernel(FoundKernel found, const Context& context, std::shared_ptr<Queue> queue, std::span<const std::byte> binary);
+  Kernel(FoundKernel found, std::shared_ptr<const Program> program, std::shared_ptr<Queue> queue)
+      : interflect::Kernel(std::string(found.line->name)),
+        queue_(std::move(queue)),
+        found_(std::move(found)),
+        program_(std::move(program)) {}
+  ~Kernel() override;
 
   [[nodiscard]] const KernelLine& line() const { return *found_.line; }
   [[nodiscard]] const Macros& macros() const { return found_.macros; }
-  [[nodiscard]] vk::Pipeline pipeline() const { return *pipeline_; }
-  [[nodiscard]] vk::PipelineLayout layout() const { return *layout_; }
-  [[nodiscard]] vk::DescriptorSetLayout set_layout() const { return *set_layout_; }
-  [[nodiscard]] vk::DescriptorType type(std::size_t buffer) const { return types_[buffer]; }
-  [[nodiscard]] std::uint32_t chunks() const { return chunks_; }
-  [[nodiscard]] std::uint64_t number() const { return used_.number(); }
+  [[nodiscard]] const Program& program() const { return *program_; }
+  [[nodiscard]] std::uint64_t number() const { return number_; }
 
  private:
+  std::shared_ptr<Queue> queue_;  ///< goes last: the API's device lives as long
+  std::uint64_t number_ = new_number();
   FoundKernel found_;
-  std::vector<vk::DescriptorType> types_;
-  std::uint32_t chunks_ = 1;  ///< of matvec's columns: work-groups side by side
-  vk::raii::DescriptorSetLayout set_layout_ = nullptr;
-  vk::raii::PipelineLayout layout_ = nullptr;
-  vk::raii::Pipeline pipeline_ = nullptr;
-  Used used_;  ///< goes first
+  std::shared_ptr<const Program> program_;
 };
 
 class Queue final : public interflect::Queue {
@@ -109,21 +102,12 @@ class Queue final : public interflect::Queue {
   Commands commands_;  ///< goes first
 };
 
-Used::Used(std::shared_ptr<Queue> queue) : queue_(std::move(queue)) {
-  static std::atomic<std::uint64_t> last = 0;
-  number_ = ++last;
-}
-
-Used::~Used() {
-  queue_->forget(number_);
-}
-
 constexpr std::size_t rounded(std::size_t bytes) {
   return std::max<std::size_t>(64, (bytes + 63) / 64 * 64);  // whole fours
 }
 
 Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue> queue)
-    : interflect::Buffer(bytes), used_(std::move(queue)) {
+    : interflect::Buffer(bytes), queue_(std::move(queue)) {
   using Usage = vk::BufferUsageFlagBits;
   vk::BufferUsageFlags usage = Usage::eStorageBuffer | Usage::eTransferSrc | Usage::eTransferDst;
   if (context.shape.texel) usage |= Usage::eUniformTexelBuffer;
@@ -134,42 +118,12 @@ Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue>
   }
 }
 
-/// Whether a buffer of the kernel is declared with INPUT_FOURS (kernels/glsl/fours.comp).
-bool reads_fours(std::string_view kernel, std::size_t buffer) {
-  return kernel == "matvec" ? buffer < 2 : (kernel == "read" || kernel == "copy") && buffer == 0;
+Buffer::~Buffer() {
+  queue_->forget(number_);
 }
 
-std::uint32_t chunk_columns(std::uint32_t columns, std::uint32_t largest) {
-  const std::uint32_t chunks = (columns + largest - 1) / largest;
-  return (columns + chunks - 1) / chunks;
-}
-
-Kernel::Kernel(FoundKernel found, const Context& context, std::shared_ptr<Queue> queue,
-               std::span<const std::byte> binary)
-    : interflect::Kernel(std::string(found.line->name)), found_(std::move(found)), used_(std::move(queue)) {
-  using Stage = vk::ShaderStageFlagBits;
-  std::vector<vk::DescriptorSetLayoutBinding> bindings;
-  for (std::uint32_t i = 0; i < line().access.size(); ++i) {
-    const bool texel = context.shape.texel && reads_fours(name(), i);
-    types_.push_back(texel ? vk::DescriptorType::eUniformTexelBuffer : vk::DescriptorType::eStorageBuffer);
-    bindings.emplace_back(i, types_.back(), 1, Stage::eCompute);
-  }
-  if (const auto columns = macros().find("COLUMNS"); columns != macros().end()) {
-    const auto count = static_cast<std::uint32_t>(columns->second);
-    const std::uint32_t chunk = chunk_columns(count, context.shape.chunk);
-    chunks_ = (count + chunk - 1) / chunk;
-  }
-  set_layout_ = {context.device, vk::DescriptorSetLayoutCreateInfo({}, bindings)};
-  const vk::PushConstantRange range(Stage::eCompute, 0, static_cast<std::uint32_t>(line().argument_bytes));
-  layout_ = {context.device, vk::PipelineLayoutCreateInfo({}, *set_layout_, range)};
-
-  std::vector<std::uint32_t> words(binary.size() / sizeof(std::uint32_t));
-  std::memcpy(words.data(), binary.data(), words.size() * sizeof(std::uint32_t));
-  const vk::raii::ShaderModule module(context.device, vk::ShaderModuleCreateInfo({}, words));
-  vk::PipelineShaderStageCreateInfo stage({}, Stage::eCompute, *module, "main");
-  const vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo size(context.shape.subgroup);
-  if (context.shape.subgroup != 0) stage.setPNext(&size);
-  pipeline_ = {context.device, nullptr, vk::ComputePipelineCreateInfo({}, stage, *layout_)};
+Kernel::~Kernel() {
+  queue_->forget(number_);
 }
 
 void Queue::upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) {
@@ -204,11 +158,12 @@ void Queue::launch(const interflect::Kernel& kernel, std::uint32_t groups, std::
     const vk::DescriptorSet set = bind(mine, buffers);
     const vk::CommandBuffer commands = commands_.next();
     const auto& d = *context_->device.getDispatcher();
-    commands.bindPipeline(vk::PipelineBindPoint::eCompute, mine.pipeline(), d);
-    commands.bindDescriptorSets(vk::PipelineBindPoint::eCompute, mine.layout(), 0, set, nullptr, d);
-    commands.pushConstants(mine.layout(), vk::ShaderStageFlagBits::eCompute, 0,
+    const Program& program = mine.program();
+    commands.bindPipeline(vk::PipelineBindPoint::eCompute, *program.pipeline, d);
+    commands.bindDescriptorSets(vk::PipelineBindPoint::eCompute, *program.layout, 0, set, nullptr, d);
+    commands.pushConstants(*program.layout, vk::ShaderStageFlagBits::eCompute, 0,
                            static_cast<std::uint32_t>(arguments.size()), arguments.data(), d);
-    commands.dispatch(mine.chunks(), groups, 1, d);
+    commands.dispatch(program.chunks, groups, 1, d);
   });
 }
 
@@ -246,10 +201,10 @@ vk::DescriptorSet Queue::bind(const Kernel& kernel, std::span<interflect::Buffer
 
 Queue::Set Queue::make_set(const Kernel& kernel, std::span<interflect::Buffer* const> buffers) {
   std::vector<vk::DescriptorPoolSize> sizes;
-  for (std::size_t i = 0; i < buffers.size(); ++i) sizes.emplace_back(kernel.type(i), 1);
+  for (std::size_t i = 0; i < buffers.size(); ++i) sizes.emplace_back(kernel.program().types[i], 1);
   Set made;
   made.pool = {context_->device, {vk::DescriptorPoolCreateFlagBits::eFreeDescriptorSet, 1, sizes}};
-  const vk::DescriptorSetLayout layout = kernel.set_layout();
+  const vk::DescriptorSetLayout layout = *kernel.program().set_layout;
   made.set = std::move(vk::raii::DescriptorSets(context_->device, {*made.pool, layout}).front());
   std::vector<vk::DescriptorBufferInfo> whole;
   std::vector<vk::BufferView> texels;
@@ -260,7 +215,7 @@ Queue::Set Queue::make_set(const Kernel& kernel, std::span<interflect::Buffer* c
   }
   std::vector<vk::WriteDescriptorSet> writes;
   for (std::uint32_t i = 0; i < buffers.size(); ++i) {
-    writes.emplace_back(*made.set, i, 0, 1, kernel.type(i), nullptr, &whole[i], &texels[i]);
+    writes.emplace_back(*made.set, i, 0, 1, kernel.program().types[i], nullptr, &whole[i], &texels[i]);
   }
   context_->device.updateDescriptorSets(writes, nullptr);
   return made;
@@ -300,28 +255,8 @@ class Device final : public interflect::Device {
   DeviceInfo info_;
   std::shared_ptr<Context> context_;
   std::shared_ptr<Queue> queue_;
+  std::map<std::string, std::shared_ptr<const Program>> programs_;  ///< by their sources
 };
-
-/// What stands before a kernel's source: version, extensions, and the macros of this device.
-std::string preamble(const FoundKernel& found, const Shape& shape) {
-  std::string out = "#version 450\n#extension GL_GOOGLE_cpp_style_line_directive : require\n";
-  if (shape.subgroups != 0) {
-    out +=
-        "#extension GL_KHR_shader_subgroup_basic : require\n"
-        "#extension GL_KHR_shader_subgroup_arithmetic : require\n";
-  }
-  const auto define = [&out](std::string_view name, std::uint32_t value) {
-    out += fmt::format("#define {} {}\n", name, value);
-  };
-  out += fmt::format("#define KERNEL_{}\n#define WORKGROUP {}\n", found.line->name, shape.workgroup);
-  if (shape.subgroups != 0) out += fmt::format("#define SUBGROUPS {}\n", shape.subgroups);
-  if (shape.texel) out += "#define TEXEL\n";
-  for (const auto& [macro, value] : found.macros) define(macro, static_cast<std::uint32_t>(value));
-  if (const auto columns = found.macros.find("COLUMNS"); columns != found.macros.end()) {
-    define("CHUNK", chunk_columns(static_cast<std::uint32_t>(columns->second), shape.chunk));
-  }
-  return out;
-}
 
 std::unique_ptr<interflect::Kernel> Device::kernel(std::string_view name, const Macros& macros) {
   FoundKernel found = find_kernel(info_.id, name, macros);
@@ -334,13 +269,15 @@ std::unique_ptr<interflect::Kernel> Device::kernel(std::string_view name, const 
   try {
     binary = cached_compile(key, [&] { return compile_glsl(options + source); });
   } catch (const std::string& log) {
-    refuse(info_.id, operation, log);
+    throw Error(ErrorKind::device, fmt::format("{}: {}: {}", info_.id, operation, log));  // with the log's lines
   }
-  const Timer timer;
-  auto kernel = attempt(info_.id, operation,
-                        [&] { return std::make_unique<Kernel>(std::move(found), *context_, queue_, binary); });
-  add_compile_seconds(timer.seconds());
-  return kernel;
+  std::shared_ptr<const Program>& program = programs_[options + source];
+  if (program == nullptr) {
+    const Timer timer;
+    program = attempt(info_.id, operation, [&] { return std::make_shared<const Program>(found, *context_, binary); });
+    add_compile_seconds(timer.seconds());
+  }
+  return std::make_unique<Kernel>(std::move(found), program, queue_);
 }
 
 DeviceType device_type(vk::PhysicalDeviceType type) {
