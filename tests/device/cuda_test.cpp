@@ -117,6 +117,39 @@ TEST(CudaKernelsOnCpu, ATotalAddsMoreBlocksThanAWarpHasLanes) {
   }
 }
 
+/// More columns than fit in registers: F is cut into segments of 4,096, and x into chunks.
+TEST(CudaKernelsOnCpu, SegmentsOfManyColumnsJoin) {
+  constexpr std::uint32_t rows = 9, columns = 7;
+  test::CudaOnCpu device;
+  for (const std::uint32_t n : {4095U, 4096U, 4097U, 8203U}) {
+    const std::uint32_t stride = (n + 15) / 16 * 16;
+    const std::vector<float> f = check::Random(n).numbers(std::size_t{rows} * stride);
+    const std::vector<float> x = check::Random(n + 1).numbers(std::size_t{columns} * stride);
+    const auto f_buffer = device.allocate(f.size() * sizeof(float));
+    const auto x_buffer = device.allocate(x.size() * sizeof(float));
+    const auto y_buffer = device.allocate(x.size() * sizeof(float));
+    device.queue().upload(*f_buffer, 0, std::as_bytes(std::span(f)));
+    device.queue().upload(*x_buffer, 0, std::as_bytes(std::span(x)));
+    const auto kernel = device.kernel("matvec", {{"COLUMNS", columns}, {"ROWS", 8}});
+    const MatvecArguments product{.n = n, .first = 3, .rows = rows, .row_stride = stride, .vector_stride = stride};
+    Buffer* const buffers[] = {f_buffer.get(), x_buffer.get(), y_buffer.get()};
+    device.queue().launch(*kernel, 2, buffers, std::as_bytes(std::span(&product, 1)), "Test");
+    std::vector<float> y(x.size());
+    device.queue().download(*y_buffer, 0, std::as_writable_bytes(std::span(y)));
+    for (std::uint32_t c = 0; c < columns; ++c) {
+      for (std::uint32_t r = 0; r < rows; ++r) {
+        double exact = 0, magnitude = 0;
+        for (std::uint32_t j = 0; j < n; ++j) {
+          const double term = static_cast<double>(f[r * stride + j]) * static_cast<double>(x[c * stride + j]);
+          exact += term;
+          magnitude += std::abs(term);
+        }
+        EXPECT_NEAR(y[c * stride + 3 + r], exact, magnitude * matvec_bound(n)) << n << " row " << r << " column " << c;
+      }
+    }
+  }
+}
+
 // The twins. A defect is a text that is replaced in a kernel; fake_cuda/CMakeLists.txt lists them.
 
 struct Defect {
