@@ -7,7 +7,7 @@
 // rows. A warp reads 512 bytes of a row at a time.
 //
 // Memory traffic of a launch: F once, 4 * rows * n bytes; x from L2 once for each strip, 1/8 of a vector of x per
-// vector of F and column; y once. More than 8 columns do not fit in registers: there F is cut into segments of 4,096
+// vector of F and column; y once. More than 6 columns do not fit in registers: there F is cut into segments of 4,096
 // columns, which come from memory once and then from L2 for every further chunk of columns.
 //
 // Order of sums: a thread adds its products of a segment by fused multiply-add, 4 ⌈columns / 1,024⌉ of them; the lanes
@@ -15,7 +15,7 @@
 // ⌈n / 1,024⌉ + ⌈n / 4,096⌉ + 8 roundings: below the bound. A row's sum depends on that row and x only.
 
 constexpr unsigned strip = 8;
-constexpr unsigned chunks = (COLUMNS + 7) / 8;
+constexpr unsigned chunks = (COLUMNS + 5) / 6;
 constexpr unsigned chunk = (COLUMNS + chunks - 1) / chunks;  // columns in registers at once
 constexpr unsigned largest_n = 1U << 20;
 constexpr unsigned segment = chunks == 1 ? largest_n : 4096;

@@ -43,7 +43,7 @@ class CudaNvrtc : public testing::Test {
 std::vector<Macros> variants(std::string_view file) {
   std::vector<Macros> all;
   if (file == "matvec") {
-    for (const int columns : {1, 2, 3, 4, 6, 8, 12, 24}) all.push_back({{"COLUMNS", columns}, {"ROWS", 8}});
+    for (const int columns : {1, 2, 3, 4, 5, 6, 7, 8, 12, 24}) all.push_back({{"COLUMNS", columns}, {"ROWS", 8}});
   } else if (file == "read") {
     for (const int streams : {1, 2, 4, 8}) all.push_back({{"STREAMS", streams}});
   } else {

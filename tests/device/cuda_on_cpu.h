@@ -35,6 +35,9 @@ void add(Compiled compiled);
 [[nodiscard]] const Compiled* find(const std::string& variant, const std::string& kernel,
                                    const std::map<std::string, int>& macros);
 
+/// Whether the variant changes that kernel, with whatever macros.
+[[nodiscard]] bool changes(const std::string& variant, const std::string& kernel);
+
 /// Runs grid blocks of `threads` threads. `parameters` are pointers to the kernel's parameters, as for cuLaunchKernel.
 /// Throws std::runtime_error when threads wait for each other for ever, or a thread ends while others wait for it.
 void run(const Compiled& kernel, std::uint32_t grid, std::uint32_t threads, void* const* parameters);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "device/cuda_on_cpu.h"
+#include "interflect/base/error.h"
 #include "interflect/device/kernel_table.h"
 
 namespace interflect::test {
@@ -20,7 +21,8 @@ class CudaOnCpu final : public Device {
   explicit CudaOnCpu(std::string variant = "") : variant_(std::move(variant)), queue_(info_) {
     info_.id = "cuda-on-cpu";
     info_.backend = "cuda-on-cpu";
-    info_.max_buffer_bytes = std::uint64_t{1} << 30U;
+    // A defect shows in matrices of up to 257 rows as well as in larger ones.
+    info_.max_buffer_bytes = variant_.empty() ? std::uint64_t{1} << 30U : 300000;
     info_.rows_per_group = 8;
   }
 
@@ -32,6 +34,9 @@ class CudaOnCpu final : public Device {
     FoundKernel found = find_kernel(info_.id, name, macros);
     const cuda_on_cpu::Compiled* compiled = cuda_on_cpu::find(variant_, std::string(name), found.macros);
     if (compiled == nullptr) refuse(info_.id, "kernel " + std::string(name), "not built with these macros");
+    if (compiled->variant != variant_ && cuda_on_cpu::changes(variant_, compiled->kernel)) {
+      throw Error(ErrorKind::limit, "the defect is not built with these macros");
+    }
     return std::make_unique<Entry>(std::move(found), *compiled);
   }
   [[nodiscard]] Queue& queue() override { return queue_; }

@@ -10,7 +10,8 @@
 //   FAKE_CUDA_INIT=code      what cuInit returns
 //   FAKE_CUDA_FAIL=k         the k-th call fails; FAKE_CUDA_LOST=1: and so do all that follow
 //   FAKE_CUDA_REPORT=file    where fake_cuda_report() is written when the process ends
-// The fake NVRTC beside it takes FAKE_NVRTC_VERSION=12.8.
+// The fake NVRTC beside it takes FAKE_NVRTC_VERSION=12.8 and FAKE_NVRTC_NEWEST=90. Only the two together work: NVRTC 13
+// asks libcuda.so.1 for functions that the fake has not, and crashes.
 
 extern "C" {
 

@@ -248,6 +248,11 @@ const Compiled* find(const std::string& variant, const std::string& kernel, cons
   return found;
 }
 
+bool changes(const std::string& variant, const std::string& kernel) {
+  return std::any_of(all_compiled().begin(), all_compiled().end(),
+                     [&](const Compiled& one) { return one.variant == variant && one.kernel == kernel; });
+}
+
 void run(const Compiled& kernel, std::uint32_t grid, std::uint32_t threads, void* const* parameters) {
   if (threads == 0 || threads % warp_size != 0) throw std::runtime_error("whole warps only");
   const std::lock_guard lock(scheduler().one_launch);
