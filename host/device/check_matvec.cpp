@@ -104,10 +104,10 @@ void add(Device& device, std::vector<KernelCheck>& rows, const Problem& problem,
 
 }  // namespace
 
-void check_matvec(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size, std::uint32_t only_columns) {
-  const auto wanted = [&](std::uint32_t columns) { return only_columns == 0 || columns == only_columns; };
+void check_matvec(Device& device, std::vector<KernelCheck>& rows, const Selection& selection) {
+  const auto wanted = [&](std::uint32_t columns) { return selection.columns == 0 || columns == selection.columns; };
   for (const std::uint32_t n : {1U, 2U, 15U, 16U, 17U, 31U, 32U, 33U, 63U, 64U, 65U, 255U, 256U, 257U}) {
-    if (n > max_size) continue;
+    if (n > selection.max_size) continue;
     const Problem problem(n, most_columns);
     for (const std::uint32_t columns : {1U, 2U, 3U, 4U, 5U, 6U, 7U, most_columns}) {
       if (!wanted(columns)) continue;
@@ -119,7 +119,7 @@ void check_matvec(Device& device, std::vector<KernelCheck>& rows, std::uint64_t 
     if (n > 5) add(device, rows, problem, 3, 5);
   }
   for (const std::uint32_t n : {1023U, 1025U, 1312U, 1313U}) {
-    if (n > max_size) continue;
+    if (n > selection.max_size) continue;
     const Problem problem(n, 7);
     for (const std::uint32_t columns : {3U, 7U}) {
       if (wanted(columns)) add(device, rows, problem, columns, n);

@@ -53,9 +53,9 @@ Finding run_copy(Device& device, std::uint32_t lines) {
 
 }  // namespace
 
-void check_stream(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size) {
+void check_stream(Device& device, std::vector<KernelCheck>& rows, const Selection& selection) {
   for (const std::uint32_t lines : {1U, 2U, 7U, 16U, 17U, 255U, 1000U}) {
-    if (lines > max_size) continue;
+    if (lines > selection.max_size) continue;
     for (const int streams : {1, 2, 4, 8}) {
       for (const std::uint32_t groups : {1U, 3U}) {
         KernelCheck row;

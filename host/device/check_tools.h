@@ -10,7 +10,7 @@
 #include "interflect/device/check.h"
 
 // What the description of a kernel's check is made of. To add kernel NAME: write check_NAME.cpp with
-// `void check_NAME(Device&, std::vector<KernelCheck>&, std::uint64_t max_size)`, declare it below and add it to the
+// `void check_NAME(Device&, std::vector<KernelCheck>&, const Selection&)`, declare it below and add it to the
 // list in check.cpp.
 
 namespace interflect::check {
@@ -62,12 +62,15 @@ void compare(Finding& finding, float result, double reference, double magnitude)
 /// unsupported, any other a failure.
 void add_case(std::vector<KernelCheck>& rows, KernelCheck row, const std::function<Finding()>& run);
 
-/// `only_columns`: the cases of so many columns (a kernel is compiled for each number); 0: all.
-void check_matvec(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size = every_size,
-                  std::uint32_t only_columns = 0);
-/// read and copy
-void check_stream(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size = every_size);
-/// dot, axpby, and the steps of the solvers
-void check_vectors(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size = every_size);
+/// Which cases are run: all, or those that a tool is slow enough to need few of, or a broken kernel is seen by.
+struct Selection {
+  std::uint64_t max_size = every_size;  ///< n, or lines, at most
+  std::uint32_t columns = 0;            ///< of matvec, which is compiled for each number; 0: all
+  std::string_view kernel = {};         ///< of the vector kernels; empty: all
+};
+void check_matvec(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
+void check_stream(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});  ///< read and copy
+/// dot, axpby, and the steps of the solvers.
+void check_vectors(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 
 }  // namespace interflect::check

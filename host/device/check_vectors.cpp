@@ -117,12 +117,13 @@ void add(Device& device, std::vector<KernelCheck>& rows, const Case& test) {
 
 }  // namespace
 
-void check_vectors(Device& device, std::vector<KernelCheck>& rows, std::uint64_t max_size) {
+void check_vectors(Device& device, std::vector<KernelCheck>& rows, const Selection& selection) {
   constexpr std::array kernels{"dot",     "reduce",           "axpby",         "bounce",       "cg_product",
                                "cg_step", "bicgstab_product", "bicgstab_half", "bicgstab_step"};
   for (const std::uint32_t n : {1U, 2U, 31U, 32U, 33U, 63U, 64U, 65U, 255U, 256U, 257U, 1024U, 1025U, 1312U, 5791U}) {
-    if (n > max_size) continue;
+    if (n > selection.max_size) continue;
     for (const std::string_view kernel : kernels) {
+      if (!selection.kernel.empty() && kernel != selection.kernel) continue;
       for (const std::uint32_t blocks_per_group : {1U, 3U, 100U}) {
         Case test{kernel, {}, n * 2654435761U + blocks_per_group};
         test.arguments.n = n;

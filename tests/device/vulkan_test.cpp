@@ -309,7 +309,7 @@ TEST_P(BrokenVulkanKernel, FailsTheCheck) {
   const auto device = open();
   std::vector<KernelCheck> rows;
   if (defect.kernel == std::string_view("matvec")) {
-    check::check_matvec(*device, rows, 1312, 3);
+    check::check_matvec(*device, rows, {.max_size = 1312, .columns = 3});
   } else {
     check::check_vectors(*device, rows);
   }
