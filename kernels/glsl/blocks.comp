@@ -97,8 +97,7 @@ float quotient_or_zero(float numerator, float denominator) {
 void element(uint i, inout float terms[TERMS]);
 
 // The fixed tree of a block: an invocation adds its elements in order, at most 32 of them before they join its total;
-// the invocations are added by subgroups and these in order, or in a tree in shared memory. Every invocation of the
-// first subgroup gets the sums.
+// then the totals of the invocations are added (group_sum.comp). Every invocation gets the sums.
 #include "group_sum.comp"
 
 void block_sums(out float result[TERMS]) {

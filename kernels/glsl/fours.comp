@@ -1,5 +1,6 @@
 // Reading memory by fours of floats, as a storage buffer or, with TEXEL, as a texel buffer: llvmpipe loads the lanes of
 // a storage buffer one by one, each with a branch of its own, those of a texel buffer by whole texels.
+// (The backend knows which buffers these are: reads_fours() in host/device/vulkan/program.cpp.)
 // INPUT_FOURS(binding, name) declares name, FOUR(name, i) is its i-th four.
 
 #ifdef TEXEL
