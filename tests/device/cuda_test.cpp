@@ -23,6 +23,15 @@ std::string describe(const KernelCheck& row) {
 
 using cuda_on_cpu::Order;
 
+// Under AddressSanitizer a fiber's switch takes two system calls.
+#if defined(__SANITIZE_ADDRESS__)
+constexpr bool sanitized = true;
+#elif defined(__has_feature)
+constexpr bool sanitized = __has_feature(address_sanitizer);
+#else
+constexpr bool sanitized = false;
+#endif
+
 class CudaKernels : public testing::TestWithParam<std::pair<std::string, Order>> {
  protected:
   void SetUp() override { cuda_on_cpu::use_order(GetParam().second); }
@@ -35,10 +44,14 @@ INSTANTIATE_TEST_SUITE_P(OnCpu, CudaKernels,
                          [](const auto& info) { return info.param.first; });
 
 TEST_P(CudaKernels, StayWithinTheirBounds) {
-  test::CudaOnCpu device;
+  const bool all = GetParam().second == Order::forwards && !sanitized;
+  test::CudaOnCpu device("", all ? test::CudaOnCpu::large : test::CudaOnCpu::small);
   const std::vector<KernelCheck> rows = check_device(device);
   EXPECT_EQ(rows.size(), 715U);
-  for (const KernelCheck& row : rows) EXPECT_EQ(row.status, CheckStatus::pass) << describe(row);
+  for (const KernelCheck& row : rows) {
+    const bool too_large = !all && row.kernel == "matvec" && row.size > 1000;
+    EXPECT_EQ(row.status, too_large ? CheckStatus::unsupported : CheckStatus::pass) << describe(row);
+  }
 }
 
 /// The bits that a device computes for a product and for sums over more blocks than a warp has lanes.
@@ -167,7 +180,7 @@ std::set<std::string> failing(const Defect& defect) {
   std::set<std::string> found;
   for (const Order order : {Order::forwards, Order::backwards, Order::shuffled}) {
     cuda_on_cpu::use_order(order);
-    test::CudaOnCpu device(defect.name);
+    test::CudaOnCpu device(defect.name, test::CudaOnCpu::small);
     std::vector<KernelCheck> rows;
     if (products) {
       check::check_matvec(device, rows);
