@@ -215,7 +215,7 @@ Shape choose_shape(std::string_view id, const Adapter& adapter) {
       forced == "gpu" || (type != vk::PhysicalDeviceType::eCpu && type != vk::PhysicalDeviceType::eIntegratedGpu);
   shape.subgroup = wanted.value_or(0);
   shape.workgroup = shape.texel ? size : std::min(256U, limits.maxComputeWorkGroupInvocations);
-  shape.rows = shape.texel ? 16 : 8;
+  shape.rows = shape.texel ? 12 : 8;
   shape.chunk = shape.texel ? 3 : 4;
   if (adds) {
     const std::uint32_t smallest =

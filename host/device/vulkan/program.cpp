@@ -46,7 +46,7 @@ Program::Program(const FoundKernel& found, const Context& context, std::span<con
   std::vector<vk::DescriptorSetLayoutBinding> bindings;
   for (std::uint32_t i = 0; i < line.access.size(); ++i) {
     const bool texel = context.shape.texel && reads_fours(line.name, i);
-    types.push_back(texel ? vk::DescriptorType::eUniformTexelBuffer : vk::DescriptorType::eStorageBuffer);
+    types.push_back(texel ? vk::DescriptorType::eStorageTexelBuffer : vk::DescriptorType::eStorageBuffer);
     bindings.emplace_back(i, types.back(), 1, Stage::eCompute);
   }
   if (const auto columns = found.macros.find("COLUMNS"); columns != found.macros.end()) {

@@ -110,7 +110,7 @@ Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue>
     : interflect::Buffer(bytes), queue_(std::move(queue)) {
   using Usage = vk::BufferUsageFlagBits;
   vk::BufferUsageFlags usage = Usage::eStorageBuffer | Usage::eTransferSrc | Usage::eTransferDst;
-  if (context.shape.texel) usage |= Usage::eUniformTexelBuffer;
+  if (context.shape.texel) usage |= Usage::eStorageTexelBuffer;
   memory_ = allocate_memory(context, rounded(bytes), usage, context.shape.staged ? Place::device : Place::shared);
   if (context.shape.texel) {
     texels_ =
