@@ -294,10 +294,10 @@ TEST_F(FakeCuda, ASolveWhoseDeviceFailsSaysSo) {
     const std::string failed = program(nvrtc + "FAKE_CUDA_LOST=1 FAKE_CUDA_FAIL=" + std::to_string(call), solve);
     const bool gave_back = failed.find("\nSTATUS 0\n") != std::string::npos;  // failed when all was done
     if (!gave_back) {
-      EXPECT_THAT(failed, HasSubstr("\nSTATUS 4\n")) << "call " << call;
+      EXPECT_THAT(failed, HasSubstr("\nSTATUS 4\n")) << "call " << call << "\n" << failed;
       EXPECT_THAT(failed, HasSubstr("CUDA_ERROR_UNKNOWN (999)")) << "call " << call;
     }
-    EXPECT_THAT(failed, HasSubstr("live=0\n")) << "call " << call;
+    EXPECT_THAT(failed, HasSubstr("live=0\n")) << "call " << call << "\n" << failed;
   }
 }
 
