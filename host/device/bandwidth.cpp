@@ -15,15 +15,18 @@ namespace interflect {
 namespace {
 
 constexpr std::uint64_t line_bytes = 64;
-constexpr std::uint32_t lines_per_group = 65536;  // 4 MiB: a sum of ones is exact in fp32
+// A processor's work-group is a long stream, 4 MiB: a sum of ones is exact in fp32. A GPU wants thousands of them.
+constexpr std::uint32_t lines_per_cpu_group = 65536, lines_per_gpu_group = 1024;
 
 std::uint32_t lines_in(const Buffer& buffer) {
   const std::uint64_t lines = buffer.size() / line_bytes;
   return static_cast<std::uint32_t>(std::min<std::uint64_t>(lines, std::numeric_limits<std::uint32_t>::max()));
 }
 
-std::uint32_t groups_for(std::uint32_t lines) {
-  return std::max(1U, lines / lines_per_group + (lines % lines_per_group != 0 ? 1 : 0));
+std::uint32_t groups_for(const DeviceInfo& device, std::uint32_t lines) {
+  const std::uint64_t per_group = device.type == DeviceType::gpu ? lines_per_gpu_group : lines_per_cpu_group;
+  const std::uint64_t groups = (lines + per_group - 1) / per_group;
+  return static_cast<std::uint32_t>(std::clamp<std::uint64_t>(groups, 1, device.max_groups));
 }
 
 std::span<const std::byte> bytes_of(const StreamArguments& arguments) {
@@ -50,7 +53,7 @@ Rate copy_bandwidth(Device& device, Buffer& from, Buffer& to, int repetitions, f
   const StreamArguments arguments{lines_in(from)};
   const std::unique_ptr<Kernel> kernel = device.kernel("copy", {});
   Buffer* const buffers[] = {&from, &to};
-  const std::uint32_t groups = groups_for(arguments.lines);
+  const std::uint32_t groups = groups_for(device.info(), arguments.lines);
   std::vector<double> seconds;
   for (int i = 0; i <= repetitions; ++i) {
     const Timer timer;
@@ -73,7 +76,7 @@ Reader::Reader(Device& device, const std::vector<Buffer*>& buffers, int streams)
     : device_(device), kernel_(device.kernel("read", {{"STREAMS", streams}})) {
   for (Buffer* buffer : buffers) {
     const std::uint32_t lines = lines_in(*buffer);
-    const std::uint32_t groups = groups_for(lines);
+    const std::uint32_t groups = groups_for(device.info(), lines);
     parts_.push_back({buffer, lines, groups, device.allocate(groups * sizeof(float))});
     bytes_ += line_bytes * lines;
   }
@@ -102,7 +105,7 @@ std::vector<float> Reader::sums() {
 
 double Reader::bound() const {
   std::uint32_t most = 0;
-  for (const Part& part : parts_) most = std::max(most, std::min(part.lines, lines_per_group));
+  for (const Part& part : parts_) most = std::max(most, (part.lines + part.groups - 1) / part.groups);
   const double rounding = (most + 40.0) * 0x1p-24;
   return rounding / (1 - rounding);
 }
@@ -193,7 +196,7 @@ Rate quick_read_bandwidth(Device& device) {
 }
 
 std::uint64_t measurable_bytes(const DeviceInfo& info, std::uint64_t wanted) {
-  std::uint64_t bytes = std::min(wanted, std::uint64_t{info.max_groups} * lines_per_group * line_bytes);
+  std::uint64_t bytes = std::min(wanted, std::uint64_t{info.max_groups} * lines_per_cpu_group * line_bytes);
   if (info.max_buffer_bytes != 0) bytes = std::min(bytes, info.max_buffer_bytes);
   if (info.memory_bytes != 0) bytes = std::min(bytes, info.memory_bytes / 4);
   return std::max(line_bytes, bytes / line_bytes * line_bytes);

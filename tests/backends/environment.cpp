@@ -35,4 +35,16 @@ struct Environment {
 
 const Environment environment;
 
+/// Vulkan under the validation layers, unless the caller has said otherwise.
+const bool validated = ::setenv("INTERFLECT_VULKAN_VALIDATION", "1", 0) == 0;
+
+// Leaks are not looked for here: PoCL, Mesa and LLVM leave memory behind and are unloaded before the end, so that no
+// suppression knows them. Ours are found by the other programs, by the validation layers (Vulkan objects) and by the
+// fake CUDA driver (every object).
+const bool leaks_ignored = ::setenv("ASAN_OPTIONS", "detect_leaks=0", 0) == 0;  // in programs that a test runs
+
 }  // namespace
+
+extern "C" const char* __asan_default_options() {
+  return "detect_leaks=0";
+}  // NOLINT: AddressSanitizer's name

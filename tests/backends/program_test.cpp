@@ -1,4 +1,6 @@
 // Devices as a user meets them: the list, the benchmark over several, a solve whose device fails.
+#include "cli/program.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,8 +10,6 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
-
-#include "program.h"
 
 namespace interflect::test {
 namespace {
