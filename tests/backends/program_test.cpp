@@ -20,13 +20,8 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-/// Caches of this test's own, so that neither the user's nor a neighbour's is touched.
-std::vector<std::string> own_caches(const Folder& folder) {
-  return {"XDG_CACHE_HOME=" + folder.file("cache"), "POCL_CACHE_DIR=" + folder.file("pocl")};
-}
-
-json listed(const Folder& folder) {
-  const Outcome outcome = run_program({"devices", "--json"}, own_caches(folder));
+json listed() {
+  const Outcome outcome = run_program({"devices", "--json"});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   return json::parse(outcome.out);
 }
@@ -48,7 +43,7 @@ std::vector<std::string> compiled_devices(const json& devices) {
 
 TEST(Devices, OpenMPIsThereAndPassesItsSelftest) {
   const Folder folder;
-  const Outcome outcome = run_program({"devices", "--json", "--selftest"}, own_caches(folder));
+  const Outcome outcome = run_program({"devices", "--json", "--selftest"});
   ASSERT_EQ(outcome.status, 0) << outcome.err << outcome.out;
   const json device = record_of(json::parse(outcome.out), "openmp");
   EXPECT_EQ(device.at("type"), "cpu");
@@ -63,7 +58,7 @@ TEST(Devices, OpenMPIsThereAndPassesItsSelftest) {
 
 TEST(Devices, EveryRecordIsWhole) {
   const Folder folder;
-  const json devices = listed(folder);
+  const json devices = listed();
   std::set<std::string> ids;
   for (const json& device : devices) {
     const std::string id = device.at("id");
@@ -87,7 +82,7 @@ TEST(Devices, EveryRecordIsWhole) {
 
 TEST(Devices, TheTextNamesEveryIdOnce) {
   const Folder folder;
-  const Outcome outcome = run_program({"devices"}, own_caches(folder));
+  const Outcome outcome = run_program({"devices"});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   std::vector<std::string> shown, expected;
   std::istringstream lines(outcome.out);
@@ -95,7 +90,7 @@ TEST(Devices, TheTextNamesEveryIdOnce) {
     if (line.size() > 2 && line.starts_with("  ") && line[2] != ' ')
       shown.push_back(line.substr(2, line.find(' ', 2) - 2));
   }
-  for (const json& device : listed(folder)) expected.push_back(device.at("id"));
+  for (const json& device : listed()) expected.push_back(device.at("id"));
   EXPECT_THAT(shown, ::testing::UnorderedElementsAreArray(expected)) << outcome.out;
 }
 
@@ -110,12 +105,11 @@ std::vector<std::string> cells(const std::string& line) {
 TEST(Bench, EveryDeviceHasEveryRowInOneRun) {
   const Folder folder;
   std::vector<std::string> ids{"openmp"};
-  for (const std::string& id : compiled_devices(listed(folder))) ids.push_back(id);
+  for (const std::string& id : compiled_devices(listed())) ids.push_back(id);
   std::string list;
   for (const std::string& id : ids) list += (list.empty() ? "" : ",") + id;
   const Outcome outcome = run_program({"bench", "--device", list, "--room", "1312", "--repetitions", "2", "--json",
-                                       folder.file("b.json"), "--csv", folder.file("b.csv"), "--quiet"},
-                                      own_caches(folder));
+                                       folder.file("b.json"), "--csv", folder.file("b.csv"), "--quiet"});
   ASSERT_EQ(outcome.status, 0) << outcome.err << outcome.out;
   const json bench = json::parse(content_of(folder.file("b.json")));
   EXPECT_EQ(bench.at("header").at("devices").size(), ids.size());
@@ -160,10 +154,10 @@ void write_broken_kernels(const std::string& folder) {
 
 TEST(SolveFallback, GoesOnWithTheNextDeviceAndSaysSo) {
   const Folder folder;
-  const std::vector<std::string> ids = compiled_devices(listed(folder));
+  const std::vector<std::string> ids = compiled_devices(listed());
   if (ids.empty()) GTEST_SKIP() << "this machine has only OpenMP";
   write_broken_kernels(folder.file("kernels"));
-  std::vector<std::string> environment = own_caches(folder);
+  std::vector<std::string> environment;
   environment.push_back("INTERFLECT_KERNEL_DIR=" + folder.file("kernels"));
   for (const std::string& id : ids) {
     const std::vector<std::string> solve{"solve", scene_file("furnace.obj"), "--divide", "0.1", "--device"};
@@ -190,13 +184,12 @@ TEST(SolveFallback, GoesOnWithTheNextDeviceAndSaysSo) {
 
 TEST(SolveFallback, NothingIsSaidWhereNothingFails) {
   const Folder folder;
-  std::vector<std::string> ids = compiled_devices(listed(folder));
+  std::vector<std::string> ids = compiled_devices(listed());
   ids.emplace_back("openmp");
   std::string list;
   for (const std::string& id : ids) list += (list.empty() ? "" : ",") + id;
   const Outcome outcome = run_program(
-      {"solve", scene_file("furnace.obj"), "--divide", "0.1", "--device", list, "--report", folder.file("r.json")},
-      own_caches(folder));
+      {"solve", scene_file("furnace.obj"), "--divide", "0.1", "--device", list, "--report", folder.file("r.json")});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_EQ(outcome.err, "");
   const json report = json::parse(content_of(folder.file("r.json")));
