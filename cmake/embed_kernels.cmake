@@ -1,5 +1,6 @@
 # cmake -DKERNELS=folder -DOUT=file -P embed_kernels.cmake: the kernels of the GPU languages as C++ string literals.
-file(GLOB files RELATIVE ${KERNELS} ${KERNELS}/cl/* ${KERNELS}/glsl/* ${KERNELS}/cuda/*)
+file(GLOB files RELATIVE ${KERNELS} ${KERNELS}/*/*)
+list(FILTER files EXCLUDE REGEX "^omp/")  # compiled with the library
 list(SORT files)
 set(lines "")
 foreach(path IN LISTS files)

@@ -18,7 +18,8 @@ done
 [ -n "$program" ] || { echo "gpu-check: no program; set INTERFLECT, or run make bundle" >&2; exit 2; }
 
 # A container often has NVIDIA's libraries but not the files that tell the loaders of them.
-has_library() { ldconfig -p 2>/dev/null | grep -q "$1"; }
+libraries=$(ldconfig -p 2>/dev/null)
+has_library() { case $libraries in *"$1"*) true ;; *) false ;; esac; }
 if has_library libnvidia-opencl.so.1 && ! grep -qs nvidia /etc/OpenCL/vendors/*.icd; then
   mkdir -p "$out/vendors"
   cp /etc/OpenCL/vendors/*.icd "$out/vendors/" 2>/dev/null
@@ -59,7 +60,7 @@ for room in ${ROOMS:-}; do rooms+=(--room "$room"); done
 "$program" bench --device "$ids" "${rooms[@]}" --repetitions "${REPETITIONS:-15}" --csv "$out/bench.csv" \
   --json "$out/bench.json" --quiet | tee "$out/bench.txt" || status=4
 
-if command -v compute-sanitizer >/dev/null && echo "$devices" | grep -q cuda; then
+if command -v compute-sanitizer >/dev/null && [[ $devices == *cuda* ]]; then
   for tool in memcheck racecheck; do
     echo
     echo "compute-sanitizer --tool $tool"

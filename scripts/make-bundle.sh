@@ -23,8 +23,9 @@ while read -r library path; do
     *) cp -L "$path" "$root/lib/$library" ;;
   esac
 done < <(ldd "$build/bin/interflect" | awk '$2 == "=>" && $3 ~ /^\// {print $1, $3}')
-if ldd "$build/bin/interflect" | grep -q 'not found'; then
-  echo "make-bundle: a library is missing: $(ldd "$build/bin/interflect" | grep 'not found')" >&2
+missing=$(ldd "$build/bin/interflect" | grep 'not found' || true)
+if [ -n "$missing" ]; then
+  echo "make-bundle: a library is missing: $missing" >&2
   exit 1
 fi
 chmod u+w "$root"/lib/*.so* "$root"/lib/fallback/*.so*

@@ -104,7 +104,7 @@ Timed copying(const SharedDevice& device, BenchRow& row) {
   fill(*device, *from, 1);
   fill(*device, *to, 0);
   const auto lines = static_cast<std::uint32_t>(bytes / 64);
-  const std::uint32_t groups = std::max(1U, lines / 65536);
+  const std::uint32_t groups = stream_groups(device->info(), lines);
   const auto launch = std::make_shared<Launch>(device, "copy", block_of(StreamArguments{lines}), groups,
                                                std::vector<std::shared_ptr<Buffer>>{from, to});
   return {.pass = [launch] { return launch->seconds(1); },

@@ -30,10 +30,24 @@ std::vector<std::string> devices_to_check(const std::string& wanted) {
   return ids;
 }
 
+/// The device's rows. One that was not named and cannot be opened is a row of its own, so that the others are seen.
+std::vector<KernelCheck> checked(const std::string& id, const Options& options) {
+  try {
+    return check_device(*open_device(id), options.max_size);
+  } catch (const Error& error) {
+    if (!options.device.empty()) throw;
+    KernelCheck row;
+    row.device = id;
+    row.kernel = "open";
+    row.reason = error.what();
+    return {row};
+  }
+}
+
 int run(const Options& options) {
   std::vector<KernelCheck> rows;
   for (const std::string& id : devices_to_check(options.device)) {
-    const std::vector<KernelCheck> checks = check_device(*open_device(id), options.max_size);
+    const std::vector<KernelCheck> checks = checked(id, options);
     rows.insert(rows.end(), checks.begin(), checks.end());
   }
   const auto count = [&](CheckStatus status) {

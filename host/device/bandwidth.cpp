@@ -23,12 +23,6 @@ std::uint32_t lines_in(const Buffer& buffer) {
   return static_cast<std::uint32_t>(std::min<std::uint64_t>(lines, std::numeric_limits<std::uint32_t>::max()));
 }
 
-std::uint32_t groups_for(const DeviceInfo& device, std::uint32_t lines) {
-  const std::uint64_t per_group = device.type == DeviceType::gpu ? lines_per_gpu_group : lines_per_cpu_group;
-  const std::uint64_t groups = (lines + per_group - 1) / per_group;
-  return static_cast<std::uint32_t>(std::clamp<std::uint64_t>(groups, 1, device.max_groups));
-}
-
 std::span<const std::byte> bytes_of(const StreamArguments& arguments) {
   return std::as_bytes(std::span(&arguments, 1));
 }
@@ -53,7 +47,7 @@ Rate copy_bandwidth(Device& device, Buffer& from, Buffer& to, int repetitions, f
   const StreamArguments arguments{lines_in(from)};
   const std::unique_ptr<Kernel> kernel = device.kernel("copy", {});
   Buffer* const buffers[] = {&from, &to};
-  const std::uint32_t groups = groups_for(device.info(), arguments.lines);
+  const std::uint32_t groups = stream_groups(device.info(), arguments.lines);
   std::vector<double> seconds;
   for (int i = 0; i <= repetitions; ++i) {
     const Timer timer;
@@ -72,11 +66,17 @@ void check_repetitions(int repetitions) {
 
 }  // namespace
 
+std::uint32_t stream_groups(const DeviceInfo& device, std::uint32_t lines) {
+  const std::uint64_t per_group = device.type == DeviceType::gpu ? lines_per_gpu_group : lines_per_cpu_group;
+  const std::uint64_t groups = (lines + per_group - 1) / per_group;
+  return static_cast<std::uint32_t>(std::clamp<std::uint64_t>(groups, 1, device.max_groups));
+}
+
 Reader::Reader(Device& device, const std::vector<Buffer*>& buffers, int streams)
     : device_(device), kernel_(device.kernel("read", {{"STREAMS", streams}})) {
   for (Buffer* buffer : buffers) {
     const std::uint32_t lines = lines_in(*buffer);
-    const std::uint32_t groups = groups_for(device.info(), lines);
+    const std::uint32_t groups = stream_groups(device.info(), lines);
     parts_.push_back({buffer, lines, groups, device.allocate(groups * sizeof(float))});
     bytes_ += line_bytes * lines;
   }

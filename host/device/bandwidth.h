@@ -9,6 +9,10 @@
 
 namespace interflect {
 
+/// The work-groups with which `read` and `copy` go over so many lines: long streams on a processor, thousands of groups
+/// on a GPU.
+[[nodiscard]] std::uint32_t stream_groups(const DeviceInfo& device, std::uint32_t lines);
+
 /// One measured rate of a device, verified or with the reason why it is not.
 struct Rate {
   std::string what;         ///< "read" or "copy"

@@ -21,24 +21,29 @@ namespace {
 
 constexpr std::uint32_t most_columns = 24;
 
-/// A square matrix of n rows with its vectors and the exact products, shared by all cases of that size.
+/// A matrix of n columns with its vectors and the exact products, shared by all cases of that size.
 struct Problem {
-  Problem(std::uint32_t size, std::uint32_t with_columns)
-      : n(size), stride((size + 15) / 16 * 16), columns(with_columns), seed(std::uint64_t{size} * 2654435761U) {
+  Problem(std::uint32_t size, std::uint32_t with_columns, std::uint32_t with_rows)
+      : n(size),
+        rows(with_rows),
+        stride((size + 15) / 16 * 16),
+        columns(with_columns),
+        seed(std::uint64_t{size} * 2654435761U) {
     Random random(seed);
-    for (std::uint32_t i = 0; i < n; ++i) append(f, random.numbers(n), 0);
+    for (std::uint32_t i = 0; i < rows; ++i) append(f, random.numbers(n), sentinel());
     // A column longer than needed by a line, so that first, n and the stride differ.
     for (std::uint32_t c = 0; c < columns; ++c) append(x, random.numbers(n), sentinel());
-    exact.resize(std::size_t{n} * columns);
-    reference::matvec(arguments(0, n), columns, f, x, exact);
+    exact.resize(std::size_t{rows} * columns);
+    reference::matvec(arguments(0, rows), columns, f, x, exact);
   }
 
   [[nodiscard]] std::uint32_t vector_stride() const { return stride + 16; }
-  [[nodiscard]] MatvecArguments arguments(std::uint32_t first, std::uint32_t rows) const {
-    return {.n = n, .first = first, .rows = rows, .row_stride = stride, .vector_stride = vector_stride()};
+  [[nodiscard]] MatvecArguments arguments(std::uint32_t first, std::uint32_t count) const {
+    return {.n = n, .first = first, .rows = count, .row_stride = stride, .vector_stride = vector_stride()};
   }
 
   std::uint32_t n;
+  std::uint32_t rows;
   std::uint32_t stride;
   std::uint32_t columns;
   std::uint64_t seed;
@@ -53,15 +58,15 @@ struct Problem {
   }
 };
 
-/// What y holds after the rows [done, n) have been computed: those sums, and sentinels everywhere else.
+/// What y holds after the rows [done, problem.rows) have been computed: those sums, and sentinels everywhere else.
 void compare_rows(Finding& finding, const Problem& problem, std::uint32_t columns, std::uint32_t done,
                   const std::vector<float>& y) {
   const std::uint32_t length = problem.vector_stride();
   for (std::uint32_t i = 0; i < columns * length; ++i) {
     const std::uint32_t c = i / length;
     const std::uint32_t row = i % length;
-    if (row >= done && row < problem.n) {
-      const reference::Sum& sum = problem.exact[std::size_t{c} * problem.n + row];
+    if (row >= done && row < problem.rows) {
+      const reference::Sum& sum = problem.exact[std::size_t{c} * problem.rows + row];
       compare(finding, y[i], sum.value, sum.magnitude);
     } else if (!is_sentinel(y[i])) {
       finding.wrong = fmt::format("element {} of column {} is not the panel's, but was written", row, c);
@@ -78,10 +83,10 @@ Finding run(Device& device, const Problem& problem, std::uint32_t columns, std::
   const GuardedBuffer x(device, std::span(problem.x).first(length));
   const GuardedBuffer y(device, std::vector<float>(length, sentinel()));
   Finding finding;
-  const std::uint32_t panels = (problem.n + panel_rows - 1) / panel_rows;
+  const std::uint32_t panels = (problem.rows + panel_rows - 1) / panel_rows;
   for (std::uint32_t p = panels; p-- > 0;) {
     const std::uint32_t first = p * panel_rows;
-    const MatvecArguments arguments = problem.arguments(first, std::min(panel_rows, problem.n - first));
+    const MatvecArguments arguments = problem.arguments(first, std::min(panel_rows, problem.rows - first));
     const GuardedBuffer f(device, std::span(problem.f).subspan(std::size_t{first} * problem.stride,
                                                                std::size_t{arguments.rows} * problem.stride));
     Buffer* const buffers[] = {f.get(), x.get(), y.get()};
@@ -108,7 +113,7 @@ void check_matvec(Device& device, std::vector<KernelCheck>& rows, const Selectio
   const auto wanted = [&](std::uint32_t columns) { return selection.columns == 0 || columns == selection.columns; };
   for (const std::uint32_t n : {1U, 2U, 15U, 16U, 17U, 31U, 32U, 33U, 63U, 64U, 65U, 255U, 256U, 257U}) {
     if (n > selection.max_size) continue;
-    const Problem problem(n, most_columns);
+    const Problem problem(n, most_columns, n);
     for (const std::uint32_t columns : {1U, 2U, 3U, 4U, 5U, 6U, 7U, most_columns}) {
       if (!wanted(columns)) continue;
       add(device, rows, problem, columns, n);
@@ -120,11 +125,20 @@ void check_matvec(Device& device, std::vector<KernelCheck>& rows, const Selectio
   }
   for (const std::uint32_t n : {1023U, 1025U, 1312U, 1313U}) {
     if (n > selection.max_size) continue;
-    const Problem problem(n, 7);
+    const Problem problem(n, 7, n);
     for (const std::uint32_t columns : {3U, 7U}) {
       if (wanted(columns)) add(device, rows, problem, columns, n);
     }
     if (wanted(3)) add(device, rows, problem, 3, 501);
+  }
+  // Long rows, few of them: past the blocks and segments into which a kernel cuts a row.
+  for (const std::uint32_t n : {5791U, 17128U}) {
+    if (n > selection.max_size) continue;
+    const Problem problem(n, 7, 19);
+    for (const std::uint32_t columns : {3U, 7U}) {
+      if (wanted(columns)) add(device, rows, problem, columns, 19);
+    }
+    if (wanted(3)) add(device, rows, problem, 3, 5);
   }
 }
 

@@ -18,11 +18,16 @@ namespace {
 std::string text_of(const std::string& path) {
   constexpr std::uintmax_t largest = 1 << 20;
   if (const char* folder = std::getenv("INTERFLECT_KERNEL_DIR"); folder != nullptr && *folder != '\0') {
-    return read_file(std::filesystem::path(folder) / path, largest);
+    try {
+      return read_file(std::filesystem::path(folder) / path, largest);
+    } catch (const Error& error) {
+      throw Error(ErrorKind::device, fmt::format("INTERFLECT_KERNEL_DIR: {}", error.what()));
+    }
   }
   const auto all = embedded_kernels();
   const auto found = std::find_if(all.begin(), all.end(), [&](const EmbeddedKernel& k) { return k.path == path; });
-  if (found == all.end()) throw input_error("kernels/" + path, 0, "no such kernel file is built in");
+  if (found == all.end())
+    throw Error(ErrorKind::device, fmt::format("kernels/{}: no such kernel file is built in", path));
   return std::string(found->text);
 }
 

@@ -9,8 +9,6 @@ namespace interflect {
 
 namespace {
 
-using Sizes = std::vector<std::uint64_t>;
-
 void demand(bool holds, std::string_view cause) {
   if (!holds) throw std::string(cause);
 }
@@ -19,18 +17,20 @@ std::uint64_t ceil_div(std::uint64_t a, std::uint64_t b) {
   return (a + b - 1) / b;
 }
 
-Sizes copy_needs(const LaunchShape& launch) {
-  const std::uint64_t floats = std::uint64_t{launch.arguments<StreamArguments>().lines} * 16;
+BufferSizes copy_needs(const LaunchShape& launch) {
+  const std::uint64_t lines = launch.arguments<StreamArguments>().lines;
+  const std::uint64_t floats = lines * 16;
+  demand(ceil_div(lines, launch.groups) <= largest_n / 16, "more than 65536 lines for a work-group");
   return {floats, floats};
 }
 
-Sizes read_needs(const LaunchShape& launch) {
+BufferSizes read_needs(const LaunchShape& launch) {
   const std::uint64_t lines = launch.arguments<StreamArguments>().lines;
   demand(ceil_div(lines, launch.groups) <= largest_n / 16, "more than 65536 lines for a work-group");
   return {lines * 16, launch.groups};
 }
 
-Sizes matvec_needs(const LaunchShape& launch) {
+BufferSizes matvec_needs(const LaunchShape& launch) {
   const auto a = launch.arguments<MatvecArguments>();
   demand(a.row_stride % 16 == 0 && a.vector_stride % 16 == 0, "a stride is not a multiple of 16");
   demand(a.n <= a.row_stride && a.n <= a.vector_stride, "n is larger than a stride");
@@ -44,7 +44,7 @@ Sizes matvec_needs(const LaunchShape& launch) {
 
 /// All vector kernels: `Vectors` of them, then the sums buffer.
 template <std::size_t Vectors>
-Sizes vector_needs(const LaunchShape& launch) {
+BufferSizes vector_needs(const LaunchShape& launch) {
   const auto a = launch.arguments<VectorArguments>();
   demand(a.columns > 0 && a.n > 0 && a.n <= a.vector_stride && a.vector_stride % 16 == 0 &&
              a.blocks == ceil_div(a.n, reduction_block),
@@ -52,14 +52,16 @@ Sizes vector_needs(const LaunchShape& launch) {
   demand(a.n <= largest_n, "n is larger than 1048576");
   const std::uint64_t items = std::uint64_t{a.columns} * a.blocks;
   demand(std::uint64_t{launch.groups} * a.blocks_per_group >= items, "the work-groups do not cover the vectors");
-  Sizes sizes(Vectors, (std::uint64_t{a.columns} - 1) * a.vector_stride + a.n);
-  sizes.push_back(sums_size(a.columns, a.blocks));
+  static_assert(Vectors < most_buffers);
+  BufferSizes sizes{};
+  for (std::size_t k = 0; k < Vectors; ++k) sizes[k] = (std::uint64_t{a.columns} - 1) * a.vector_stride + a.n;
+  sizes[Vectors] = sums_size(a.columns, a.blocks);
   return sizes;
 }
 
 /// With a set of sums in `option` and, for reduce, a slot.
 template <std::size_t Vectors>
-Sizes set_needs(const LaunchShape& launch) {
+BufferSizes set_needs(const LaunchShape& launch) {
   const auto a = launch.arguments<VectorArguments>();
   demand(a.option < sum_sets && a.slot < scalar_slots, "no such set of sums or slot");
   return vector_needs<Vectors>(launch);
@@ -136,7 +138,7 @@ void check_launch(const DeviceInfo& device, const KernelLine& line, const Macros
   }
   if (groups == 0) fail("no work-groups");
   if (groups > device.max_groups) fail(fmt::format("{} work-groups, the device takes {}", groups, device.max_groups));
-  std::vector<std::uint64_t> needed;
+  BufferSizes needed{};
   try {
     needed = line.needed({groups, arguments, &macros});
   } catch (const std::string& cause) {

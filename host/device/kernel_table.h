@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -44,6 +45,10 @@ struct LaunchShape {
   [[nodiscard]] int macro(std::string_view name) const { return macros->at(std::string(name)); }
 };
 
+inline constexpr std::size_t most_buffers = 8;  ///< of a kernel
+/// Floats for each buffer of a kernel, in order.
+using BufferSizes = std::array<std::uint64_t, most_buffers>;
+
 /// A kernel's line in the table.
 struct KernelLine {
   std::string_view name;       ///< the entry point
@@ -52,7 +57,7 @@ struct KernelLine {
   std::size_t argument_bytes;  ///< sizeof of the argument block
   std::vector<MacroRange> macros;
   /// How many floats each buffer must hold. Throws a plain std::string, the cause, for a launch that cannot run.
-  std::vector<std::uint64_t> (*needed)(const LaunchShape&);
+  BufferSizes (*needed)(const LaunchShape&);
 };
 
 /// Every kernel.

@@ -52,8 +52,10 @@ Scheduler::Scheduler(const FormFactorMatrix& form_factors, std::vector<std::uniq
   groups_ = rounded_up(items, arguments_.blocks_per_group);
   cut_panels();
   check_memory();
+  const Timer compiling;
   matvec_ = device_->kernel("matvec",
                             {{"COLUMNS", static_cast<int>(columns)}, {"ROWS", static_cast<int>(info.rows_per_group)}});
+  compile_seconds_ += compiling.seconds();
   upload_panels();
 }
 

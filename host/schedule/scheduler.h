@@ -72,7 +72,7 @@ class Scheduler {
   [[nodiscard]] Vector sums();
   /// The vector kernel `name` of kernels/README.md, compiled once and kept. Throws a device Error for an unknown one.
   [[nodiscard]] VectorKernel kernel(std::string_view name);
-  /// Seconds that kernel() has spent in the device's compiler or in loading what it compiled before.
+  /// Seconds spent so far in the device's compiler, or in loading what it compiled before.
   [[nodiscard]] double compile_seconds() const { return compile_seconds_; }
 
   /// Host columns (C of N values) to a vector. Throws an internal Error for another shape.

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <memory>
 #include <string>
 
@@ -27,11 +29,19 @@ inline std::string why_unavailable(const std::string& id) {
   return "no such device";
 }
 
+/// Whether INTERFLECT_TEST_REQUIRE ("opencl:0,vulkan:0") says that the device must be there: then a test of one that is
+/// not fails instead of being skipped.
+inline bool required(const std::string& id) {
+  const char* list = std::getenv("INTERFLECT_TEST_REQUIRE");
+  return list != nullptr && fmt::format(",{},", list).find(fmt::format(",{},", id)) != std::string::npos;
+}
+
 /// A test on one device, given by its id.
 class OnDevice : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
     const std::string why = why_unavailable(GetParam());
+    if (!why.empty() && required(GetParam())) FAIL() << GetParam() << ": " << why;
     if (!why.empty()) GTEST_SKIP() << GetParam() << ": " << why;
     device = open_device(GetParam());
   }

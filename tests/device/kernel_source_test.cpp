@@ -81,7 +81,7 @@ TEST(KernelSource, AMissingFileIsAnErrorThatNamesIt) {
     static_cast<void>(kernel_source("cl", "nothing.cl"));
     FAIL() << "no error";
   } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::input);
+    EXPECT_EQ(error.kind(), ErrorKind::device);
     EXPECT_THAT(error.what(), HasSubstr("kernels/cl/nothing.cl"));
   }
   const Folder folder;
@@ -90,7 +90,7 @@ TEST(KernelSource, AMissingFileIsAnErrorThatNamesIt) {
     static_cast<void>(kernel_source("cl", "main.cl"));
     FAIL() << "no error";
   } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::input);
+    EXPECT_EQ(error.kind(), ErrorKind::device);
     EXPECT_THAT(error.what(), HasSubstr(folder.path() + "/cl/gone.h"));
   }
 }
