@@ -366,7 +366,7 @@ std::string two_launches(Device& device) {
 
 TEST_F(Vulkan, ARemovedBarrierIsReported) {
   EXPECT_EQ(two_launches(*open()), "no error");
-  EXPECT_THAT(two_launches(*vulkan::open_device(index(), false)),
+  EXPECT_THAT(two_launches(*vulkan::open_device(vulkan::open_context(index()), false)),
               AllOf(StartsWith("vulkan:"), HasSubstr("wait"), HasSubstr("SYNC-HAZARD")));
 }
 
@@ -397,7 +397,13 @@ TEST_F(Vulkan, AValueThatTheEnvironmentCannotHaveIsAnError) {
   for (const char* const name :
        {"INTERFLECT_VULKAN_SHAPE", "INTERFLECT_VULKAN_SUBGROUP", "INTERFLECT_VULKAN_VALIDATION"}) {
     const test::Variable wrong(name, "3");
-    EXPECT_THAT(error_of([&] { static_cast<void>(open()); }), AllOf(HasSubstr(name), HasSubstr("'3'")));
+    const std::string cause = std::string(name) + ": '3' ";
+    EXPECT_THAT(error_of([&] { static_cast<void>(open()); }),
+                StartsWith("vulkan:" + std::to_string(index()) + ": open: " + cause));
+    for (const DeviceEntry& entry : vulkan::list_devices()) {
+      EXPECT_FALSE(entry.available);
+      EXPECT_THAT(entry.reason, StartsWith(cause));
+    }
   }
 }
 
@@ -414,12 +420,12 @@ vulkan::Adapter adapter_of(vk::PhysicalDeviceType type, std::uint32_t subgroup, 
 
 TEST(VulkanShape, FollowsTheDevicesProperties) {
   using Type = vk::PhysicalDeviceType;
-  const vulkan::Shape cpu = vulkan::choose_shape("vulkan:0", adapter_of(Type::eCpu, 8, true));
+  const vulkan::Shape cpu = vulkan::choose_shape(adapter_of(Type::eCpu, 8, true));
   EXPECT_TRUE(cpu.texel);
   EXPECT_FALSE(cpu.staged);
   EXPECT_EQ(cpu.workgroup, 8U);
   EXPECT_EQ(cpu.subgroups, 1U);
-  const vulkan::Shape gpu = vulkan::choose_shape("vulkan:0", adapter_of(Type::eDiscreteGpu, 32, true));
+  const vulkan::Shape gpu = vulkan::choose_shape(adapter_of(Type::eDiscreteGpu, 32, true));
   EXPECT_FALSE(gpu.texel);
   EXPECT_TRUE(gpu.staged);
   EXPECT_EQ(gpu.workgroup, 256U);
@@ -427,10 +433,10 @@ TEST(VulkanShape, FollowsTheDevicesProperties) {
   vulkan::Adapter varying = adapter_of(Type::eIntegratedGpu, 32, true);
   varying.smallest_subgroup = 8;
   varying.largest_subgroup = 32;
-  const vulkan::Shape integrated = vulkan::choose_shape("vulkan:0", varying);
+  const vulkan::Shape integrated = vulkan::choose_shape(varying);
   EXPECT_FALSE(integrated.staged);
   EXPECT_EQ(integrated.subgroups, 32U) << "a subgroup may have 8";
-  EXPECT_EQ(vulkan::choose_shape("vulkan:0", adapter_of(Type::eDiscreteGpu, 64, false)).subgroups, 0U);
+  EXPECT_EQ(vulkan::choose_shape(adapter_of(Type::eDiscreteGpu, 64, false)).subgroups, 0U);
 }
 
 TEST(VulkanErrors, AreNamedAsInTheApi) {

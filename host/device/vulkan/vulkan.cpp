@@ -110,9 +110,10 @@ Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue>
     : interflect::Buffer(bytes), queue_(std::move(queue)) {
   using Usage = vk::BufferUsageFlagBits;
   vk::BufferUsageFlags usage = Usage::eStorageBuffer | Usage::eTransferSrc | Usage::eTransferDst;
-  if (context.shape.texel) usage |= Usage::eStorageTexelBuffer;
-  memory_ = allocate_memory(context, rounded(bytes), usage, context.shape.staged ? Place::device : Place::shared);
-  if (context.shape.texel) {
+  if (context.adapter.shape.texel) usage |= Usage::eStorageTexelBuffer;
+  memory_ =
+      allocate_memory(context, rounded(bytes), usage, context.adapter.shape.staged ? Place::device : Place::shared);
+  if (context.adapter.shape.texel) {
     texels_ =
         vk::raii::BufferView(context.device, {{}, *memory_.buffer, vk::Format::eR32G32B32A32Sfloat, 0, VK_WHOLE_SIZE});
   }
@@ -261,7 +262,7 @@ class Device final : public interflect::Device {
 std::unique_ptr<interflect::Kernel> Device::kernel(std::string_view name, const Macros& macros) {
   FoundKernel found = find_kernel(info_.id, name, macros);
   const std::string operation = fmt::format("kernel {}", name);
-  const std::string options = preamble(found, context_->shape);
+  const std::string options = preamble(found, context_->adapter.shape);
   const std::string source = kernel_source("glsl", fmt::format("{}.comp", found.line->file));
   // SPIR-V is the same for all devices; what a driver makes of it, the driver keeps.
   const CompileKey key{"vulkan", "SPIR-V 1.3", glslang_version(), options, source};
@@ -300,9 +301,9 @@ std::uint64_t local_memory(const vk::raii::PhysicalDevice& physical) {
   return largest;
 }
 
-DeviceInfo describe(std::size_t index, const Adapter& adapter) {
+DeviceInfo describe(std::string id, const Adapter& adapter) {
   const vk::PhysicalDeviceLimits& limits = adapter.properties.limits;
-  DeviceInfo info{.id = fmt::format("vulkan:{}", index),
+  DeviceInfo info{.id = std::move(id),
                   .backend = "vulkan",
                   .name = adapter.properties.deviceName.data(),
                   .driver = adapter.driver,
@@ -316,9 +317,8 @@ DeviceInfo describe(std::size_t index, const Adapter& adapter) {
   // In kernels/glsl the groups lie along y; read multiplies two numbers of groups in 32 bits.
   info.max_groups = std::min(65535U, limits.maxComputeWorkGroupCount[1]);
   if (!adapter.reason.empty()) return info;
-  const Shape shape = choose_shape(info.id, adapter);
-  info.rows_per_group = shape.rows;
-  const std::uint64_t texels = shape.texel ? limits.maxTexelBufferElements : UINT32_MAX;
+  info.rows_per_group = adapter.shape.rows;
+  const std::uint64_t texels = adapter.shape.texel ? limits.maxTexelBufferElements : UINT32_MAX;
   const std::uint64_t most = std::min({info.max_buffer_bytes, adapter.max_allocation, texels * 16});
   info.max_buffer_bytes = most / 64 * 64;
   return info;
@@ -339,31 +339,27 @@ std::vector<DeviceEntry> list_devices() {
   try {
     const Instance instance;
     for (const Adapter& adapter : adapters(instance)) {
-      entries.push_back({describe(entries.size(), adapter), adapter.reason.empty(), adapter.reason});
+      DeviceInfo info = describe(fmt::format("vulkan:{}", entries.size()), adapter);
+      entries.push_back({std::move(info), adapter.reason.empty(), adapter.reason});
     }
   } catch (const vk::IncompatibleDriverError& error) {
     return none(fmt::format("no Vulkan driver found: {}", text(error)));
   } catch (const vk::SystemError& error) {
     return none(fmt::format("libvulkan: {}", text(error)));
-  } catch (const Error& error) {
-    return none(error.what());
+  } catch (const std::string& cause) {
+    return none(cause);
   }
   if (entries.empty()) return none("no Vulkan device found");
   return entries;
 }
 
 std::unique_ptr<interflect::Device> open_device(std::uint32_t index) {
-  return open_device(index, true);
+  return open_device(open_context(index), true);
 }
 
-std::unique_ptr<interflect::Device> open_device(std::uint32_t index, bool ordered) {
-  const std::string id = fmt::format("vulkan:{}", index);
-  auto instance = attempt(id, "open", [] { return std::make_shared<Instance>(); });
-  std::vector<Adapter> all = attempt(id, "open", [&] { return adapters(*instance); });
-  if (index >= all.size()) refuse(id, "open", "there is no such device");
-  DeviceInfo info = describe(index, all[index]);
-  return std::make_unique<Device>(std::move(info), open_context(id, std::move(instance), std::move(all[index])),
-                                  ordered);
+std::unique_ptr<interflect::Device> open_device(std::shared_ptr<Context> context, bool ordered) {
+  DeviceInfo info = describe(context->id, context->adapter);
+  return std::make_unique<Device>(std::move(info), std::move(context), ordered);
 }
 
 }  // namespace interflect::vulkan
