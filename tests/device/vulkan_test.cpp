@@ -411,7 +411,10 @@ TEST_F(Vulkan, AValueThatTheEnvironmentCannotHaveIsAnError) {
 vulkan::Adapter adapter_of(vk::PhysicalDeviceType type, std::uint32_t subgroup, bool adds) {
   vulkan::Adapter adapter;
   adapter.properties.deviceType = type;
-  adapter.properties.limits.maxComputeWorkGroupInvocations = 1024;
+  vk::PhysicalDeviceLimits& limits = adapter.properties.limits;
+  limits.maxComputeWorkGroupInvocations = limits.maxComputeWorkGroupSize[0] = 1024;
+  limits.maxComputeSharedMemorySize = 16384;
+  limits.maxPerStageDescriptorStorageBuffers = limits.maxDescriptorSetStorageBuffers = limits.maxPerStageResources = 7;
   adapter.subgroup.subgroupSize = subgroup;
   adapter.subgroup.supportedStages = vk::ShaderStageFlagBits::eCompute;
   if (adds) adapter.subgroup.supportedOperations = vk::SubgroupFeatureFlagBits::eArithmetic;
@@ -437,6 +440,25 @@ TEST(VulkanShape, FollowsTheDevicesProperties) {
   EXPECT_FALSE(integrated.staged);
   EXPECT_EQ(integrated.subgroups, 32U) << "a subgroup may have 8";
   EXPECT_EQ(vulkan::choose_shape(adapter_of(Type::eDiscreteGpu, 64, false)).subgroups, 0U);
+}
+
+TEST(VulkanShape, ALimitThatIsTooLowIsNamed) {
+  const auto expect_missing = [&](std::uint32_t vk::PhysicalDeviceLimits::*limit, std::uint32_t value,
+                                  const char* words) {
+    vulkan::Adapter poor = adapter_of(vk::PhysicalDeviceType::eDiscreteGpu, 32, true);
+    poor.shape = vulkan::choose_shape(poor);
+    EXPECT_EQ(vulkan::missing_limit(poor), "");
+    poor.properties.limits.*limit = value;
+    EXPECT_THAT(vulkan::missing_limit(poor), HasSubstr(words));
+  };
+  using Limits = vk::PhysicalDeviceLimits;
+  expect_missing(&Limits::maxPerStageDescriptorStorageBuffers, 4, "maxPerStageDescriptorStorageBuffers is 4, 7 is");
+  expect_missing(&Limits::maxPerStageResources, 6, "maxPerStageResources is 6");
+  expect_missing(&Limits::maxComputeWorkGroupInvocations, 128, "maxComputeWorkGroupInvocations is 128, 256 is");
+  expect_missing(&Limits::maxComputeSharedMemorySize, 8192, "maxComputeSharedMemorySize is 8192");
+  vulkan::Adapter small = adapter_of(vk::PhysicalDeviceType::eDiscreteGpu, 32, true);
+  small.properties.limits.maxComputeWorkGroupInvocations = 192;
+  EXPECT_EQ(vulkan::choose_shape(small).workgroup, 128U) << "a power of two";
 }
 
 TEST(VulkanErrors, AreNamedAsInTheApi) {

@@ -24,6 +24,11 @@ std::string text(vk::Result result) {
   return fmt::format("{} ({})", out, static_cast<int>(result));
 }
 
+std::string_view variable(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
 std::string text(const vk::SystemError& error) {
   return text(static_cast<vk::Result>(error.code().value()));
 }
@@ -45,11 +50,6 @@ void Messages::raise(std::string_view device, std::string_view operation) {
 namespace {
 
 constexpr const char* validation_layer = "VK_LAYER_KHRONOS_validation";
-
-std::string_view variable(const char* name) {
-  const char* value = std::getenv(name);
-  return value == nullptr ? "" : value;
-}
 
 bool validation_wanted() {
   const std::string_view value = variable("INTERFLECT_VULKAN_VALIDATION");
@@ -173,6 +173,7 @@ std::vector<Adapter> adapters(const Instance& instance) {
       read_properties(adapter);
       try {
         adapter.shape = choose_shape(adapter);
+        adapter.reason = missing_limit(adapter);
       } catch (const std::string& cause) {
         adapter.reason = cause;
       }
@@ -182,51 +183,6 @@ std::vector<Adapter> adapters(const Instance& instance) {
     all.push_back(std::move(adapter));
   }
   return all;
-}
-
-namespace {
-
-/// INTERFLECT_VULKAN_SUBGROUP, if it is set.
-std::optional<std::uint32_t> wanted_subgroup(const Adapter& adapter) {
-  const std::string_view value = variable("INTERFLECT_VULKAN_SUBGROUP");
-  if (value.empty()) return std::nullopt;
-  if (value == "0") return 0;
-  std::string allowed = "0";
-  for (std::uint32_t size = adapter.smallest_subgroup; size != 0 && size <= adapter.largest_subgroup; size *= 2) {
-    if (value == std::to_string(size)) return size;
-    allowed += fmt::format(" or {}", size);
-  }
-  throw fmt::format("INTERFLECT_VULKAN_SUBGROUP: '{}' must be {} on this device", value, allowed);
-}
-
-}  // namespace
-
-Shape choose_shape(const Adapter& adapter) {
-  const vk::PhysicalDeviceLimits& limits = adapter.properties.limits;
-  const auto type = adapter.properties.deviceType;
-  const auto wanted = wanted_subgroup(adapter);
-  const bool adds = wanted != 0U && (adapter.subgroup.supportedStages & vk::ShaderStageFlagBits::eCompute) &&
-                    (adapter.subgroup.supportedOperations & vk::SubgroupFeatureFlagBits::eArithmetic);
-  const std::uint32_t size = wanted.value_or(0) != 0 ? *wanted : adapter.subgroup.subgroupSize;
-
-  const std::string_view forced = variable("INTERFLECT_VULKAN_SHAPE");
-  if (!forced.empty() && forced != "cpu" && forced != "gpu") {
-    throw fmt::format("INTERFLECT_VULKAN_SHAPE: '{}' is neither cpu nor gpu", forced);
-  }
-  Shape shape;
-  shape.texel = forced.empty() ? type == vk::PhysicalDeviceType::eCpu && size < 16 : forced == "cpu";
-  shape.staged =
-      forced == "gpu" || (type != vk::PhysicalDeviceType::eCpu && type != vk::PhysicalDeviceType::eIntegratedGpu);
-  shape.subgroup = wanted.value_or(0);
-  shape.workgroup = shape.texel ? size : std::min(256U, limits.maxComputeWorkGroupInvocations);
-  shape.rows = shape.texel ? 12 : 8;
-  shape.chunk = shape.texel ? 3 : 4;
-  if (adds) {
-    const std::uint32_t smallest =
-        shape.subgroup != 0 || adapter.smallest_subgroup == 0 ? size : adapter.smallest_subgroup;
-    shape.subgroups = std::max(1U, shape.workgroup / smallest);
-  }
-  return shape;
 }
 
 std::shared_ptr<Context> open_context(std::uint32_t index) {

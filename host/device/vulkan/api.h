@@ -21,6 +21,9 @@ namespace interflect::vulkan {
 [[nodiscard]] std::string text(vk::Result result);
 [[nodiscard]] std::string text(const vk::SystemError& error);
 
+/// A variable of the environment; empty: it is not set.
+[[nodiscard]] std::string_view variable(const char* name);
+
 /// What f() gives; an error of the API becomes the device Error "DEVICE: OPERATION: VK_ERROR_... (code)", a plain
 /// std::string "DEVICE: OPERATION: STRING".
 template <class F>
@@ -88,6 +91,8 @@ struct Adapter {
 
 /// From the device's properties and the environment. Throws a plain std::string, the cause, for a wrong environment.
 [[nodiscard]] Shape choose_shape(const Adapter& adapter);
+/// The first limit of the device that is too low for the kernels in its shape, in words; empty: there is none.
+[[nodiscard]] std::string missing_limit(const Adapter& adapter);
 
 /// An opened device, shared by all that is made on it.
 struct Context {
