@@ -244,6 +244,32 @@ TEST_P(VulkanShapes, ManyLaunchesInOrderAndBuffersThatComeAndGo) {
   }
 }
 
+/// The functions that a device is called by, to replace.
+vk::raii::DeviceDispatcher& functions_of(vulkan::Context& context) {
+  return const_cast<vk::raii::DeviceDispatcher&>(*context.device.getDispatcher());
+}
+
+TEST_P(VulkanShapes, AnIterationWaitsOnce) {
+  static PFN_vkWaitForFences wait;
+  static int waits;
+  const auto context = vulkan::open_context(index());
+  wait = std::exchange(functions_of(*context).vkWaitForFences, [](auto... arguments) {
+    ++waits;
+    return wait(arguments...);
+  });
+  const auto device = vulkan::open_device(context, true);
+  const auto from = buffer_of(*device, std::vector<float>(16, 1.0F)), to = device->allocate(64);
+  const auto copy = device->kernel("copy", {});
+  Buffer* const pair[] = {from.get(), to.get()};
+  for (int i = 0; i < 5; ++i) {
+    device->queue().wait();
+    waits = 0;
+    for (int k = 0; k < 3; ++k) device->queue().launch(*copy, 1, pair, bytes_of(StreamArguments{1}), "Test");
+    EXPECT_EQ(values_of(*device, *to), std::vector<float>(16, 1.0F));
+    EXPECT_EQ(waits, 1);
+  }
+}
+
 TEST_P(VulkanShapes, BuffersAndKernelsMayOutliveTheirDevice) {
   auto device = open();
   const auto buffer = device->allocate(64);

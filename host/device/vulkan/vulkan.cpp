@@ -144,8 +144,9 @@ void Queue::download(const interflect::Buffer& from, std::size_t offset, std::sp
   check_range(info_.id, from, offset, to.size(), "download");
   const Memory& memory = buffer.memory();
   attempt(info_.id, "download", [&] {
+    // A copy comes behind what was launched and is waited for: one wait.
+    if (memory.mapped == nullptr && !to.empty()) return commands_.copy_out(*memory.buffer, offset, to);
     commands_.finish();
-    if (memory.mapped == nullptr) return commands_.copy_out(*memory.buffer, offset, to);
     if (!to.empty()) std::memcpy(to.data(), memory.mapped + offset, to.size());
   });
   context_->instance->messages().raise(info_.id, "download");
