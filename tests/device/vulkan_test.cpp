@@ -270,6 +270,30 @@ TEST_P(VulkanShapes, AnIterationWaitsOnce) {
   }
 }
 
+// A buffer goes and what was launched before cannot be handed over: nobody may read old contents as the result.
+TEST_P(VulkanShapes, LaunchesLostWhenABufferGoesAreReported) {
+  const auto context = vulkan::open_context(index());
+  const auto device = vulkan::open_device(context, true);
+  Queue& queue = device->queue();
+  const auto from = buffer_of(*device, std::vector<float>(16, 1.0F)), to = device->allocate(64);
+  const auto copy = device->kernel("copy", {});
+  Buffer* const pair[] = {from.get(), to.get()};
+  const auto launch = [&] { queue.launch(*copy, 1, pair, bytes_of(StreamArguments{1}), "Test"); };
+  const std::function<void()> uses[] = {launch, [&] { static_cast<void>(values_of(*device, *to)); },
+                                        [&] { queue.upload(*to, 0, bytes_of(1.0F)); }, [&] { queue.wait(); }};
+  for (const auto& use : uses) {
+    auto other = device->allocate(64);
+    launch();
+    auto& submit = functions_of(*context).vkQueueSubmit;
+    const auto real = std::exchange(submit, [](auto...) { return VK_ERROR_OUT_OF_DEVICE_MEMORY; });
+    other.reset();
+    submit = real;
+    EXPECT_THAT(error_of(use), HasSubstr("commands before it were lost: VK_ERROR_OUT_OF_DEVICE_MEMORY (-2)"));
+  }
+  launch();
+  EXPECT_EQ(values_of(*device, *to), std::vector<float>(16, 1.0F));
+}
+
 TEST_P(VulkanShapes, BuffersAndKernelsMayOutliveTheirDevice) {
   auto device = open();
   const auto buffer = device->allocate(64);

@@ -6,6 +6,7 @@
 #include <array>
 #include <atomic>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -91,6 +92,9 @@ class Queue final : public interflect::Queue {
     vk::raii::DescriptorPool pool = nullptr;
     vk::raii::DescriptorSet set = nullptr;
   };
+  /// Throws a device Error if forget() has lost commands since the last call.
+  void check_lost(std::string_view operation);
+
   using Key = std::array<std::uint64_t, 9>;  ///< numbers of a kernel and its buffers; no kernel takes more
 
   vk::DescriptorSet bind(const Kernel& kernel, std::span<interflect::Buffer* const> buffers);
@@ -99,7 +103,8 @@ class Queue final : public interflect::Queue {
   std::shared_ptr<Context> context_;
   const DeviceInfo& info_;
   std::map<Key, Set> sets_;
-  Commands commands_;  ///< goes first
+  std::optional<vk::Result> lost_;  ///< why commands that forget() handed over are lost
+  Commands commands_;               ///< goes first
 };
 
 constexpr std::size_t rounded(std::size_t bytes) {
@@ -130,6 +135,7 @@ Kernel::~Kernel() {
 void Queue::upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) {
   auto& buffer = own<Buffer>(to, info_.id, "upload");
   check_range(info_.id, to, offset, from.size(), "upload");
+  check_lost("upload");
   if (from.empty()) return;
   const Memory& memory = buffer.memory();
   attempt(info_.id, "upload", [&] {
@@ -142,6 +148,7 @@ void Queue::upload(interflect::Buffer& to, std::size_t offset, std::span<const s
 void Queue::download(const interflect::Buffer& from, std::size_t offset, std::span<std::byte> to) {
   const auto& buffer = own<const Buffer>(from, info_.id, "download");
   check_range(info_.id, from, offset, to.size(), "download");
+  check_lost("download");
   const Memory& memory = buffer.memory();
   attempt(info_.id, "download", [&] {
     // A copy comes behind what was launched and is waited for: one wait.
@@ -156,7 +163,9 @@ void Queue::launch(const interflect::Kernel& kernel, std::uint32_t groups, std::
                    std::span<const std::byte> arguments, std::string_view label) {
   const auto& mine = own<const Kernel>(kernel, info_.id, "launch");
   check_launch(info_, mine.line(), mine.macros(), groups, buffers, arguments, label);
-  attempt(info_.id, fmt::format("launch {} ({})", mine.name(), label), [&] {
+  const std::string operation = fmt::format("launch {} ({})", mine.name(), label);
+  check_lost(operation);
+  attempt(info_.id, operation, [&] {
     const vk::DescriptorSet set = bind(mine, buffers);
     const vk::CommandBuffer commands = commands_.next();
     const auto& d = *context_->device.getDispatcher();
@@ -170,6 +179,7 @@ void Queue::launch(const interflect::Kernel& kernel, std::uint32_t groups, std::
 }
 
 void Queue::wait() {
+  check_lost("wait");
   attempt(info_.id, "wait", [&] { commands_.finish(); });
   context_->instance->messages().raise(info_.id, "wait");
 }
@@ -183,13 +193,24 @@ void Queue::clear(const Buffer& buffer) {
 }
 
 void Queue::forget(std::uint64_t number) noexcept {
-  try {
-    commands_.finish();
-  } catch (...) {  // a lost device: nothing runs any more
+  for (int i = 0; i < 2; ++i) {  // where the first fails to hand over, the second waits for what runs
+    try {
+      commands_.finish();
+      break;
+    } catch (const vk::SystemError& error) {
+      if (!lost_) lost_ = static_cast<vk::Result>(error.code().value());
+    } catch (...) {
+      if (!lost_) lost_ = vk::Result::eErrorUnknown;
+    }
   }
   std::erase_if(sets_, [&](const auto& entry) {
     return std::find(entry.first.begin(), entry.first.end(), number) != entry.first.end();
   });
+}
+
+void Queue::check_lost(std::string_view operation) {
+  if (!lost_) return;
+  refuse(info_.id, operation, fmt::format("commands before it were lost: {}", text(*std::exchange(lost_, {}))));
 }
 
 /// The descriptor set of a kernel with these buffers: made at the first launch, then used again.
