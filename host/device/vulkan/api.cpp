@@ -33,18 +33,25 @@ std::string text(const vk::SystemError& error) {
   return text(static_cast<vk::Result>(error.code().value()));
 }
 
+Messages& Messages::all() {
+  static Messages messages;
+  return messages;
+}
+
 void Messages::add(std::string message) {
   const std::lock_guard lock(mutex_);
-  all_.push_back(std::move(message));
+  said_.push_back(std::move(message));
+}
+
+std::vector<std::string> Messages::take() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(said_, {});
 }
 
 void Messages::raise(std::string_view device, std::string_view operation) {
-  const std::lock_guard lock(mutex_);
-  if (all_.empty()) return;
-  const std::string first = std::move(all_.front());
-  const std::size_t count = all_.size();
-  all_.clear();
-  refuse(device, operation, fmt::format("the validation layer reports, first of {}: {}", count, first));
+  const std::vector<std::string> said = take();
+  if (said.empty()) return;
+  refuse(device, operation, fmt::format("the validation layer reports, first of {}: {}", said.size(), said.front()));
 }
 
 namespace {
@@ -90,7 +97,7 @@ Instance::Instance() : context_(::vkGetInstanceProcAddr) {
   const vk::ValidationFeaturesEXT validation(features);
   const vk::DebugUtilsMessengerCreateInfoEXT messenger({}, Severity::eWarning | Severity::eError,
                                                        Type::eValidation | Type::ePerformance, &note_message,
-                                                       &messages_, &validation);
+                                                       &Messages::all(), &validation);
   const char* const extensions[] = {VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_VALIDATION_FEATURES_EXTENSION_NAME};
   create.setPEnabledLayerNames(validation_layer).setPEnabledExtensionNames(extensions);
   create.setPNext(&messenger);  // also for what happens while the instance is made and destroyed

@@ -37,16 +37,20 @@ decltype(auto) attempt(std::string_view device, std::string_view operation, F&& 
   }
 }
 
-/// What the validation layer has said.
+/// What the validation layer has said in this process, also while devices and instances were destroyed.
 class Messages {
  public:
+  /// The one record; outlives every Instance.
+  [[nodiscard]] static Messages& all();
   void add(std::string message);
-  /// Throws a device Error with what was said since the last call, if anything.
+  /// What was said and neither taken nor raised yet.
+  [[nodiscard]] std::vector<std::string> take();
+  /// Throws a device Error with what take() gives, if anything.
   void raise(std::string_view device, std::string_view operation);
 
  private:
   std::mutex mutex_;
-  std::vector<std::string> all_;
+  std::vector<std::string> said_;
 };
 
 /// The loader's instance; with INTERFLECT_VULKAN_VALIDATION=1 under the validation layer.
@@ -55,10 +59,8 @@ class Instance {
   /// Throws vk::SystemError, or a plain std::string, the cause, for validation that cannot be had.
   Instance();
   [[nodiscard]] const vk::raii::Instance& get() const { return instance_; }
-  [[nodiscard]] Messages& messages() { return messages_; }
 
  private:
-  Messages messages_;
   vk::raii::Context context_;
   vk::raii::Instance instance_ = nullptr;
   vk::raii::DebugUtilsMessengerEXT messenger_ = nullptr;

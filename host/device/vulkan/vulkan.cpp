@@ -156,7 +156,7 @@ void Queue::download(const interflect::Buffer& from, std::size_t offset, std::sp
     commands_.finish();
     if (!to.empty()) std::memcpy(to.data(), memory.mapped + offset, to.size());
   });
-  context_->instance->messages().raise(info_.id, "download");
+  Messages::all().raise(info_.id, "download");
 }
 
 void Queue::launch(const interflect::Kernel& kernel, std::uint32_t groups, std::span<interflect::Buffer* const> buffers,
@@ -181,7 +181,7 @@ void Queue::launch(const interflect::Kernel& kernel, std::uint32_t groups, std::
 void Queue::wait() {
   check_lost("wait");
   attempt(info_.id, "wait", [&] { commands_.finish(); });
-  context_->instance->messages().raise(info_.id, "wait");
+  Messages::all().raise(info_.id, "wait");
 }
 
 void Queue::clear(const Buffer& buffer) {
