@@ -39,8 +39,9 @@ const Environment environment;
 const bool validated = ::setenv("INTERFLECT_VULKAN_VALIDATION", "1", 0) == 0;
 
 // Leaks are not looked for here: PoCL, Mesa and LLVM leave memory behind and are unloaded before the end, so that no
-// suppression knows them. Ours are found by the other programs, by the validation layers (Vulkan objects) and by the
-// fake CUDA driver (every object).
+// suppression knows them. Ours are found by the other programs, by the validation layers (Vulkan objects:
+// Leftovers of tests/device/vulkan_test.cpp fails any test that they say something in) and by the fake CUDA driver
+// (every object).
 const bool leaks_ignored = ::setenv("ASAN_OPTIONS", "detect_leaks=0", 0) == 0;  // in programs that a test runs
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "interflect/device/vulkan/vulkan.h"
 
 #include <gmock/gmock.h>
+#include <gtest/gtest-spi.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -85,6 +86,15 @@ std::vector<float> product(Device& device, std::uint32_t n, std::uint32_t rows, 
   }
   return y;
 }
+
+/// Fails a test, of all in this program, that leaves messages of the validation layer: those that come after the last
+/// wait() or download(), as of objects that were not destroyed before their device.
+struct Leftovers : testing::EmptyTestEventListener {
+  void OnTestEnd(const testing::TestInfo&) override { expect_none(); }
+  void OnTestSuiteEnd(const testing::TestSuite&) override { expect_none(); }
+  static void expect_none() { EXPECT_THAT(vulkan::Messages::all().take(), testing::IsEmpty()); }
+};
+const bool listening = (testing::UnitTest::GetInstance()->listeners().Append(new Leftovers), true);  // gtest deletes it
 
 /// Under validation, with an empty cache of compiled kernels.
 class Vulkan : public testing::Test {
@@ -244,6 +254,56 @@ TEST_P(VulkanShapes, ManyLaunchesInOrderAndBuffersThatComeAndGo) {
   }
 }
 
+/// The functions that a device is called by, to replace.
+vk::raii::DeviceDispatcher& functions_of(vulkan::Context& context) {
+  return const_cast<vk::raii::DeviceDispatcher&>(*context.device.getDispatcher());
+}
+
+TEST_P(VulkanShapes, AnIterationWaitsOnce) {
+  static PFN_vkWaitForFences wait;
+  static int waits;
+  const auto context = vulkan::open_context(index());
+  wait = std::exchange(functions_of(*context).vkWaitForFences, [](auto... arguments) {
+    ++waits;
+    return wait(arguments...);
+  });
+  const auto device = vulkan::open_device(context, true);
+  const auto from = buffer_of(*device, std::vector<float>(16, 1.0F)), to = device->allocate(64);
+  const auto copy = device->kernel("copy", {});
+  Buffer* const pair[] = {from.get(), to.get()};
+  for (int i = 0; i < 5; ++i) {
+    device->queue().wait();
+    waits = 0;
+    for (int k = 0; k < 3; ++k) device->queue().launch(*copy, 1, pair, bytes_of(StreamArguments{1}), "Test");
+    EXPECT_EQ(values_of(*device, *to), std::vector<float>(16, 1.0F));
+    EXPECT_EQ(waits, 1);
+  }
+}
+
+// A buffer goes and what was launched before cannot be handed over: nobody may read old contents as the result.
+TEST_P(VulkanShapes, LaunchesLostWhenABufferGoesAreReported) {
+  const auto context = vulkan::open_context(index());
+  const auto device = vulkan::open_device(context, true);
+  Queue& queue = device->queue();
+  const auto from = buffer_of(*device, std::vector<float>(16, 1.0F)), to = device->allocate(64);
+  const auto copy = device->kernel("copy", {});
+  Buffer* const pair[] = {from.get(), to.get()};
+  const auto launch = [&] { queue.launch(*copy, 1, pair, bytes_of(StreamArguments{1}), "Test"); };
+  const std::function<void()> uses[] = {launch, [&] { static_cast<void>(values_of(*device, *to)); },
+                                        [&] { queue.upload(*to, 0, bytes_of(1.0F)); }, [&] { queue.wait(); }};
+  for (const auto& use : uses) {
+    auto other = device->allocate(64);
+    launch();
+    auto& submit = functions_of(*context).vkQueueSubmit;
+    const auto real = std::exchange(submit, [](auto...) { return VK_ERROR_OUT_OF_DEVICE_MEMORY; });
+    other.reset();
+    submit = real;
+    EXPECT_THAT(error_of(use), HasSubstr("commands before it were lost: VK_ERROR_OUT_OF_DEVICE_MEMORY (-2)"));
+  }
+  launch();
+  EXPECT_EQ(values_of(*device, *to), std::vector<float>(16, 1.0F));
+}
+
 TEST_P(VulkanShapes, BuffersAndKernelsMayOutliveTheirDevice) {
   auto device = open();
   const auto buffer = device->allocate(64);
@@ -366,8 +426,19 @@ std::string two_launches(Device& device) {
 
 TEST_F(Vulkan, ARemovedBarrierIsReported) {
   EXPECT_EQ(two_launches(*open()), "no error");
-  EXPECT_THAT(two_launches(*vulkan::open_device(index(), false)),
+  EXPECT_THAT(two_launches(*vulkan::open_device(vulkan::open_context(index()), false)),
               AllOf(StartsWith("vulkan:"), HasSubstr("wait"), HasSubstr("SYNC-HAZARD")));
+}
+
+TEST_F(Vulkan, ALeakedObjectFailsTheTest) {
+  {
+    const auto context = vulkan::open_context(index());
+    const vk::BufferCreateInfo buffer({}, 64, vk::BufferUsageFlagBits::eStorageBuffer);
+    static_cast<void>((*context->device).createBuffer(buffer, nullptr, *context->device.getDispatcher()));
+  }
+  const testing::TestInfo& test = *testing::UnitTest::GetInstance()->current_test_info();
+  EXPECT_NONFATAL_FAILURE(Leftovers().OnTestEnd(test), "VkBuffer");
+  Leftovers().OnTestEnd(test);  // they are taken
 }
 
 TEST_F(Vulkan, WithoutItsLayerValidationIsAnErrorThatSaysSo) {
@@ -397,46 +468,14 @@ TEST_F(Vulkan, AValueThatTheEnvironmentCannotHaveIsAnError) {
   for (const char* const name :
        {"INTERFLECT_VULKAN_SHAPE", "INTERFLECT_VULKAN_SUBGROUP", "INTERFLECT_VULKAN_VALIDATION"}) {
     const test::Variable wrong(name, "3");
-    EXPECT_THAT(error_of([&] { static_cast<void>(open()); }), AllOf(HasSubstr(name), HasSubstr("'3'")));
+    const std::string cause = std::string(name) + ": '3' ";
+    EXPECT_THAT(error_of([&] { static_cast<void>(open()); }),
+                StartsWith("vulkan:" + std::to_string(index()) + ": open: " + cause));
+    for (const DeviceEntry& entry : vulkan::list_devices()) {
+      EXPECT_FALSE(entry.available);
+      EXPECT_THAT(entry.reason, StartsWith(cause));
+    }
   }
-}
-
-/// A device as its driver might describe it.
-vulkan::Adapter adapter_of(vk::PhysicalDeviceType type, std::uint32_t subgroup, bool adds) {
-  vulkan::Adapter adapter;
-  adapter.properties.deviceType = type;
-  adapter.properties.limits.maxComputeWorkGroupInvocations = 1024;
-  adapter.subgroup.subgroupSize = subgroup;
-  adapter.subgroup.supportedStages = vk::ShaderStageFlagBits::eCompute;
-  if (adds) adapter.subgroup.supportedOperations = vk::SubgroupFeatureFlagBits::eArithmetic;
-  return adapter;
-}
-
-TEST(VulkanShape, FollowsTheDevicesProperties) {
-  using Type = vk::PhysicalDeviceType;
-  const vulkan::Shape cpu = vulkan::choose_shape("vulkan:0", adapter_of(Type::eCpu, 8, true));
-  EXPECT_TRUE(cpu.texel);
-  EXPECT_FALSE(cpu.staged);
-  EXPECT_EQ(cpu.workgroup, 8U);
-  EXPECT_EQ(cpu.subgroups, 1U);
-  const vulkan::Shape gpu = vulkan::choose_shape("vulkan:0", adapter_of(Type::eDiscreteGpu, 32, true));
-  EXPECT_FALSE(gpu.texel);
-  EXPECT_TRUE(gpu.staged);
-  EXPECT_EQ(gpu.workgroup, 256U);
-  EXPECT_EQ(gpu.subgroups, 8U);
-  vulkan::Adapter varying = adapter_of(Type::eIntegratedGpu, 32, true);
-  varying.smallest_subgroup = 8;
-  varying.largest_subgroup = 32;
-  const vulkan::Shape integrated = vulkan::choose_shape("vulkan:0", varying);
-  EXPECT_FALSE(integrated.staged);
-  EXPECT_EQ(integrated.subgroups, 32U) << "a subgroup may have 8";
-  EXPECT_EQ(vulkan::choose_shape("vulkan:0", adapter_of(Type::eDiscreteGpu, 64, false)).subgroups, 0U);
-}
-
-TEST(VulkanErrors, AreNamedAsInTheApi) {
-  EXPECT_EQ(vulkan::text(vk::Result::eErrorOutOfDeviceMemory), "VK_ERROR_OUT_OF_DEVICE_MEMORY (-2)");
-  EXPECT_EQ(vulkan::text(vk::Result::eErrorDeviceLost), "VK_ERROR_DEVICE_LOST (-4)");
-  EXPECT_EQ(vulkan::text(vk::Result::eErrorSurfaceLostKHR), "VK_ERROR_SURFACE_LOST_KHR (-1000000000)");
 }
 
 }  // namespace

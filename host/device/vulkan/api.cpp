@@ -24,38 +24,44 @@ std::string text(vk::Result result) {
   return fmt::format("{} ({})", out, static_cast<int>(result));
 }
 
-std::string text(const vk::SystemError& error) {
-  return text(static_cast<vk::Result>(error.code().value()));
-}
-
-void Messages::add(std::string message) {
-  const std::lock_guard lock(mutex_);
-  all_.push_back(std::move(message));
-}
-
-void Messages::raise(std::string_view device, std::string_view operation) {
-  const std::lock_guard lock(mutex_);
-  if (all_.empty()) return;
-  const std::string first = std::move(all_.front());
-  const std::size_t count = all_.size();
-  all_.clear();
-  refuse(device, operation, fmt::format("the validation layer reports, first of {}: {}", count, first));
-}
-
-namespace {
-
-constexpr std::string_view backend = "vulkan";
-constexpr const char* validation_layer = "VK_LAYER_KHRONOS_validation";
-
 std::string_view variable(const char* name) {
   const char* value = std::getenv(name);
   return value == nullptr ? "" : value;
 }
 
+std::string text(const vk::SystemError& error) {
+  return text(static_cast<vk::Result>(error.code().value()));
+}
+
+Messages& Messages::all() {
+  static Messages messages;
+  return messages;
+}
+
+void Messages::add(std::string message) {
+  const std::lock_guard lock(mutex_);
+  said_.push_back(std::move(message));
+}
+
+std::vector<std::string> Messages::take() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(said_, {});
+}
+
+void Messages::raise(std::string_view device, std::string_view operation) {
+  const std::vector<std::string> said = take();
+  if (said.empty()) return;
+  refuse(device, operation, fmt::format("the validation layer reports, first of {}: {}", said.size(), said.front()));
+}
+
+namespace {
+
+constexpr const char* validation_layer = "VK_LAYER_KHRONOS_validation";
+
 bool validation_wanted() {
   const std::string_view value = variable("INTERFLECT_VULKAN_VALIDATION");
   if (value.empty() || value == "0") return false;
-  if (value != "1") refuse(backend, "INTERFLECT_VULKAN_VALIDATION", fmt::format("'{}' is neither 0 nor 1", value));
+  if (value != "1") throw fmt::format("INTERFLECT_VULKAN_VALIDATION: '{}' is neither 0 nor 1", value);
   return true;
 }
 
@@ -83,7 +89,7 @@ Instance::Instance() : context_(::vkGetInstanceProcAddr) {
   const auto layers = context_.enumerateInstanceLayerProperties();
   if (std::none_of(layers.begin(), layers.end(),
                    [](const auto& l) { return std::strcmp(l.layerName, validation_layer) == 0; })) {
-    refuse(backend, "INTERFLECT_VULKAN_VALIDATION", fmt::format("the layer {} is not installed", validation_layer));
+    throw fmt::format("INTERFLECT_VULKAN_VALIDATION: the layer {} is not installed", validation_layer);
   }
   using Severity = vk::DebugUtilsMessageSeverityFlagBitsEXT;
   using Type = vk::DebugUtilsMessageTypeFlagBitsEXT;
@@ -91,7 +97,7 @@ Instance::Instance() : context_(::vkGetInstanceProcAddr) {
   const vk::ValidationFeaturesEXT validation(features);
   const vk::DebugUtilsMessengerCreateInfoEXT messenger({}, Severity::eWarning | Severity::eError,
                                                        Type::eValidation | Type::ePerformance, &note_message,
-                                                       &messages_, &validation);
+                                                       &Messages::all(), &validation);
   const char* const extensions[] = {VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_VALIDATION_FEATURES_EXTENSION_NAME};
   create.setPEnabledLayerNames(validation_layer).setPEnabledExtensionNames(extensions);
   create.setPNext(&messenger);  // also for what happens while the instance is made and destroyed
@@ -172,6 +178,12 @@ std::vector<Adapter> adapters(const Instance& instance) {
     } else if (const auto family = compute_family(adapter.physical)) {
       adapter.family = *family;
       read_properties(adapter);
+      try {
+        adapter.shape = choose_shape(adapter);
+        adapter.reason = missing_limit(adapter);
+      } catch (const std::string& cause) {
+        adapter.reason = cause;
+      }
     } else {
       adapter.reason = "the device has no queue that computes";
     }
@@ -180,68 +192,26 @@ std::vector<Adapter> adapters(const Instance& instance) {
   return all;
 }
 
-namespace {
-
-/// INTERFLECT_VULKAN_SUBGROUP, if it is set.
-std::optional<std::uint32_t> wanted_subgroup(std::string_view id, const Adapter& adapter) {
-  const std::string_view value = variable("INTERFLECT_VULKAN_SUBGROUP");
-  if (value.empty()) return std::nullopt;
-  if (value == "0") return 0;
-  for (std::uint32_t size = adapter.smallest_subgroup; size != 0 && size <= adapter.largest_subgroup; size *= 2) {
-    if (value == std::to_string(size)) return size;
-  }
-  refuse(id, "INTERFLECT_VULKAN_SUBGROUP",
-         fmt::format("'{}', the device lets choose 0 or powers of two from {} to {}", value, adapter.smallest_subgroup,
-                     adapter.largest_subgroup));
-}
-
-}  // namespace
-
-Shape choose_shape(std::string_view id, const Adapter& adapter) {
-  const vk::PhysicalDeviceLimits& limits = adapter.properties.limits;
-  const auto type = adapter.properties.deviceType;
-  const auto wanted = wanted_subgroup(id, adapter);
-  const bool adds = wanted != 0U && (adapter.subgroup.supportedStages & vk::ShaderStageFlagBits::eCompute) &&
-                    (adapter.subgroup.supportedOperations & vk::SubgroupFeatureFlagBits::eArithmetic);
-  const std::uint32_t size = wanted.value_or(0) != 0 ? *wanted : adapter.subgroup.subgroupSize;
-
-  const std::string_view forced = variable("INTERFLECT_VULKAN_SHAPE");
-  if (!forced.empty() && forced != "cpu" && forced != "gpu") {
-    refuse(id, "INTERFLECT_VULKAN_SHAPE", fmt::format("'{}' is neither cpu nor gpu", forced));
-  }
-  Shape shape;
-  shape.texel = forced.empty() ? type == vk::PhysicalDeviceType::eCpu && size < 16 : forced == "cpu";
-  shape.staged =
-      forced == "gpu" || (type != vk::PhysicalDeviceType::eCpu && type != vk::PhysicalDeviceType::eIntegratedGpu);
-  shape.subgroup = wanted.value_or(0);
-  shape.workgroup = shape.texel ? size : std::min(256U, limits.maxComputeWorkGroupInvocations);
-  shape.rows = shape.texel ? 12 : 8;
-  shape.chunk = shape.texel ? 3 : 4;
-  if (adds) {
-    const std::uint32_t smallest =
-        shape.subgroup != 0 || adapter.smallest_subgroup == 0 ? size : adapter.smallest_subgroup;
-    shape.subgroups = std::max(1U, shape.workgroup / smallest);
-  }
-  return shape;
-}
-
-std::shared_ptr<Context> open_context(std::string id, std::shared_ptr<Instance> instance, Adapter adapter) {
+std::shared_ptr<Context> open_context(std::uint32_t index) {
+  const std::string id = fmt::format("vulkan:{}", index);
+  auto instance = attempt(id, "open", [] { return std::make_shared<Instance>(); });
+  std::vector<Adapter> all = attempt(id, "open", [&] { return adapters(*instance); });
+  if (index >= all.size()) refuse(id, "open", "there is no such device");
+  Adapter adapter = std::move(all[index]);
   if (!adapter.reason.empty()) refuse(id, "open", adapter.reason);
-  const Shape shape = choose_shape(id, adapter);
   const float priority = 1;
   const vk::DeviceQueueCreateInfo queue({}, adapter.family, 1, &priority);
   vk::DeviceCreateInfo create({}, queue);
   vk::PhysicalDeviceSubgroupSizeControlFeatures control(true);
   const char* const extension = VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME;
-  if (shape.subgroup != 0) {
+  if (adapter.shape.subgroup != 0) {
     create.setPNext(&control);
     if (adapter.properties.apiVersion < VK_API_VERSION_1_3) create.setPEnabledExtensionNames(extension);
   }
   return attempt(id, "open", [&] {
     vk::raii::Device device(adapter.physical, create);
     const auto memory = adapter.physical.getMemoryProperties();
-    return std::make_shared<Context>(
-        Context{id, std::move(instance), std::move(adapter), shape, std::move(device), memory});
+    return std::make_shared<Context>(Context{id, std::move(instance), std::move(adapter), std::move(device), memory});
   });
 }
 

@@ -75,9 +75,9 @@ void Commands::finish(Slot& slot) {
   context_->device.resetFences(*slot.fence);
 }
 
-/// An empty command buffer whose staging memory nothing uses.
+/// The slot of the next command, with staging memory that nothing uses: transfers are handed over at once.
 Commands::Slot& Commands::with_staging() {
-  submit();
+  if (recorded_ >= most_commands) submit();
   Slot& slot = slots_[current_];
   finish(slot);
   if (slot.staging.mapped == nullptr) {

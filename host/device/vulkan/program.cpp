@@ -45,13 +45,13 @@ Program::Program(const FoundKernel& found, const Context& context, std::span<con
   using Stage = vk::ShaderStageFlagBits;
   std::vector<vk::DescriptorSetLayoutBinding> bindings;
   for (std::uint32_t i = 0; i < line.access.size(); ++i) {
-    const bool texel = context.shape.texel && reads_fours(line.name, i);
+    const bool texel = context.adapter.shape.texel && reads_fours(line.name, i);
     types.push_back(texel ? vk::DescriptorType::eStorageTexelBuffer : vk::DescriptorType::eStorageBuffer);
     bindings.emplace_back(i, types.back(), 1, Stage::eCompute);
   }
   if (const auto columns = found.macros.find("COLUMNS"); columns != found.macros.end()) {
     const auto count = static_cast<std::uint32_t>(columns->second);
-    const std::uint32_t chunk = chunk_columns(count, context.shape.chunk);
+    const std::uint32_t chunk = chunk_columns(count, context.adapter.shape.chunk);
     chunks = (count + chunk - 1) / chunk;
   }
   set_layout = {context.device, vk::DescriptorSetLayoutCreateInfo({}, bindings)};
@@ -62,8 +62,8 @@ Program::Program(const FoundKernel& found, const Context& context, std::span<con
   std::memcpy(words.data(), binary.data(), words.size() * sizeof(std::uint32_t));
   const vk::raii::ShaderModule module(context.device, vk::ShaderModuleCreateInfo({}, words));
   vk::PipelineShaderStageCreateInfo stage({}, Stage::eCompute, *module, "main");
-  const vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo size(context.shape.subgroup);
-  if (context.shape.subgroup != 0) stage.setPNext(&size);
+  const vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo size(context.adapter.shape.subgroup);
+  if (context.adapter.shape.subgroup != 0) stage.setPNext(&size);
   pipeline = {context.device, nullptr, vk::ComputePipelineCreateInfo({}, stage, *layout)};
 }
 

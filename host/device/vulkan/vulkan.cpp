@@ -6,6 +6,7 @@
 #include <array>
 #include <atomic>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -91,6 +92,9 @@ class Queue final : public interflect::Queue {
     vk::raii::DescriptorPool pool = nullptr;
     vk::raii::DescriptorSet set = nullptr;
   };
+  /// Throws a device Error if forget() has lost commands since the last call.
+  void check_lost(std::string_view operation);
+
   using Key = std::array<std::uint64_t, 9>;  ///< numbers of a kernel and its buffers; no kernel takes more
 
   vk::DescriptorSet bind(const Kernel& kernel, std::span<interflect::Buffer* const> buffers);
@@ -99,7 +103,8 @@ class Queue final : public interflect::Queue {
   std::shared_ptr<Context> context_;
   const DeviceInfo& info_;
   std::map<Key, Set> sets_;
-  Commands commands_;  ///< goes first
+  std::optional<vk::Result> lost_;  ///< why commands that forget() handed over are lost
+  Commands commands_;               ///< goes first
 };
 
 constexpr std::size_t rounded(std::size_t bytes) {
@@ -110,9 +115,10 @@ Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue>
     : interflect::Buffer(bytes), queue_(std::move(queue)) {
   using Usage = vk::BufferUsageFlagBits;
   vk::BufferUsageFlags usage = Usage::eStorageBuffer | Usage::eTransferSrc | Usage::eTransferDst;
-  if (context.shape.texel) usage |= Usage::eStorageTexelBuffer;
-  memory_ = allocate_memory(context, rounded(bytes), usage, context.shape.staged ? Place::device : Place::shared);
-  if (context.shape.texel) {
+  if (context.adapter.shape.texel) usage |= Usage::eStorageTexelBuffer;
+  memory_ =
+      allocate_memory(context, rounded(bytes), usage, context.adapter.shape.staged ? Place::device : Place::shared);
+  if (context.adapter.shape.texel) {
     texels_ =
         vk::raii::BufferView(context.device, {{}, *memory_.buffer, vk::Format::eR32G32B32A32Sfloat, 0, VK_WHOLE_SIZE});
   }
@@ -129,6 +135,7 @@ Kernel::~Kernel() {
 void Queue::upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) {
   auto& buffer = own<Buffer>(to, info_.id, "upload");
   check_range(info_.id, to, offset, from.size(), "upload");
+  check_lost("upload");
   if (from.empty()) return;
   const Memory& memory = buffer.memory();
   attempt(info_.id, "upload", [&] {
@@ -141,20 +148,24 @@ void Queue::upload(interflect::Buffer& to, std::size_t offset, std::span<const s
 void Queue::download(const interflect::Buffer& from, std::size_t offset, std::span<std::byte> to) {
   const auto& buffer = own<const Buffer>(from, info_.id, "download");
   check_range(info_.id, from, offset, to.size(), "download");
+  check_lost("download");
   const Memory& memory = buffer.memory();
   attempt(info_.id, "download", [&] {
+    // A copy comes behind what was launched and is waited for: one wait.
+    if (memory.mapped == nullptr && !to.empty()) return commands_.copy_out(*memory.buffer, offset, to);
     commands_.finish();
-    if (memory.mapped == nullptr) return commands_.copy_out(*memory.buffer, offset, to);
     if (!to.empty()) std::memcpy(to.data(), memory.mapped + offset, to.size());
   });
-  context_->instance->messages().raise(info_.id, "download");
+  Messages::all().raise(info_.id, "download");
 }
 
 void Queue::launch(const interflect::Kernel& kernel, std::uint32_t groups, std::span<interflect::Buffer* const> buffers,
                    std::span<const std::byte> arguments, std::string_view label) {
   const auto& mine = own<const Kernel>(kernel, info_.id, "launch");
   check_launch(info_, mine.line(), mine.macros(), groups, buffers, arguments, label);
-  attempt(info_.id, fmt::format("launch {} ({})", mine.name(), label), [&] {
+  const std::string operation = fmt::format("launch {} ({})", mine.name(), label);
+  check_lost(operation);
+  attempt(info_.id, operation, [&] {
     const vk::DescriptorSet set = bind(mine, buffers);
     const vk::CommandBuffer commands = commands_.next();
     const auto& d = *context_->device.getDispatcher();
@@ -168,8 +179,9 @@ void Queue::launch(const interflect::Kernel& kernel, std::uint32_t groups, std::
 }
 
 void Queue::wait() {
+  check_lost("wait");
   attempt(info_.id, "wait", [&] { commands_.finish(); });
-  context_->instance->messages().raise(info_.id, "wait");
+  Messages::all().raise(info_.id, "wait");
 }
 
 void Queue::clear(const Buffer& buffer) {
@@ -181,13 +193,24 @@ void Queue::clear(const Buffer& buffer) {
 }
 
 void Queue::forget(std::uint64_t number) noexcept {
-  try {
-    commands_.finish();
-  } catch (...) {  // a lost device: nothing runs any more
+  for (int i = 0; i < 2; ++i) {  // where the first fails to hand over, the second waits for what runs
+    try {
+      commands_.finish();
+      break;
+    } catch (const vk::SystemError& error) {
+      if (!lost_) lost_ = static_cast<vk::Result>(error.code().value());
+    } catch (...) {
+      if (!lost_) lost_ = vk::Result::eErrorUnknown;
+    }
   }
   std::erase_if(sets_, [&](const auto& entry) {
     return std::find(entry.first.begin(), entry.first.end(), number) != entry.first.end();
   });
+}
+
+void Queue::check_lost(std::string_view operation) {
+  if (!lost_) return;
+  refuse(info_.id, operation, fmt::format("commands before it were lost: {}", text(*std::exchange(lost_, {}))));
 }
 
 /// The descriptor set of a kernel with these buffers: made at the first launch, then used again.
@@ -261,7 +284,7 @@ class Device final : public interflect::Device {
 std::unique_ptr<interflect::Kernel> Device::kernel(std::string_view name, const Macros& macros) {
   FoundKernel found = find_kernel(info_.id, name, macros);
   const std::string operation = fmt::format("kernel {}", name);
-  const std::string options = preamble(found, context_->shape);
+  const std::string options = preamble(found, context_->adapter.shape);
   const std::string source = kernel_source("glsl", fmt::format("{}.comp", found.line->file));
   // SPIR-V is the same for all devices; what a driver makes of it, the driver keeps.
   const CompileKey key{"vulkan", "SPIR-V 1.3", glslang_version(), options, source};
@@ -300,9 +323,9 @@ std::uint64_t local_memory(const vk::raii::PhysicalDevice& physical) {
   return largest;
 }
 
-DeviceInfo describe(std::size_t index, const Adapter& adapter) {
+DeviceInfo describe(std::string id, const Adapter& adapter) {
   const vk::PhysicalDeviceLimits& limits = adapter.properties.limits;
-  DeviceInfo info{.id = fmt::format("vulkan:{}", index),
+  DeviceInfo info{.id = std::move(id),
                   .backend = "vulkan",
                   .name = adapter.properties.deviceName.data(),
                   .driver = adapter.driver,
@@ -316,9 +339,8 @@ DeviceInfo describe(std::size_t index, const Adapter& adapter) {
   // In kernels/glsl the groups lie along y; read multiplies two numbers of groups in 32 bits.
   info.max_groups = std::min(65535U, limits.maxComputeWorkGroupCount[1]);
   if (!adapter.reason.empty()) return info;
-  const Shape shape = choose_shape(info.id, adapter);
-  info.rows_per_group = shape.rows;
-  const std::uint64_t texels = shape.texel ? limits.maxTexelBufferElements : UINT32_MAX;
+  info.rows_per_group = adapter.shape.rows;
+  const std::uint64_t texels = adapter.shape.texel ? limits.maxTexelBufferElements : UINT32_MAX;
   const std::uint64_t most = std::min({info.max_buffer_bytes, adapter.max_allocation, texels * 16});
   info.max_buffer_bytes = most / 64 * 64;
   return info;
@@ -339,31 +361,27 @@ std::vector<DeviceEntry> list_devices() {
   try {
     const Instance instance;
     for (const Adapter& adapter : adapters(instance)) {
-      entries.push_back({describe(entries.size(), adapter), adapter.reason.empty(), adapter.reason});
+      DeviceInfo info = describe(fmt::format("vulkan:{}", entries.size()), adapter);
+      entries.push_back({std::move(info), adapter.reason.empty(), adapter.reason});
     }
   } catch (const vk::IncompatibleDriverError& error) {
     return none(fmt::format("no Vulkan driver found: {}", text(error)));
   } catch (const vk::SystemError& error) {
     return none(fmt::format("libvulkan: {}", text(error)));
-  } catch (const Error& error) {
-    return none(error.what());
+  } catch (const std::string& cause) {
+    return none(cause);
   }
   if (entries.empty()) return none("no Vulkan device found");
   return entries;
 }
 
 std::unique_ptr<interflect::Device> open_device(std::uint32_t index) {
-  return open_device(index, true);
+  return open_device(open_context(index), true);
 }
 
-std::unique_ptr<interflect::Device> open_device(std::uint32_t index, bool ordered) {
-  const std::string id = fmt::format("vulkan:{}", index);
-  auto instance = attempt(id, "open", [] { return std::make_shared<Instance>(); });
-  std::vector<Adapter> all = attempt(id, "open", [&] { return adapters(*instance); });
-  if (index >= all.size()) refuse(id, "open", "there is no such device");
-  DeviceInfo info = describe(index, all[index]);
-  return std::make_unique<Device>(std::move(info), open_context(id, std::move(instance), std::move(all[index])),
-                                  ordered);
+std::unique_ptr<interflect::Device> open_device(std::shared_ptr<Context> context, bool ordered) {
+  DeviceInfo info = describe(context->id, context->adapter);
+  return std::make_unique<Device>(std::move(info), std::move(context), ordered);
 }
 
 }  // namespace interflect::vulkan

@@ -17,7 +17,8 @@
 //   INTERFLECT_VULKAN_SUBGROUP    the subgroup size, where the device lets choose; 0: shared memory instead of
 //                                 subgroup operations.
 //   INTERFLECT_VULKAN_VALIDATION  1: under the Khronos validation layer with synchronisation validation. Any warning or
-//                                 error of it is a device Error of the next wait() or download().
+//                                 error of it, also of an object that was left behind when its device went, is a
+//                                 device Error of the next wait() or download() of any device.
 // A value that is not one of these, or that the device cannot, is a device Error.
 
 namespace interflect::vulkan {
