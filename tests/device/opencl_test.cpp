@@ -18,6 +18,7 @@
 #include "interflect/device/check_tools.h"
 #include "interflect/device/compile_cache.h"
 #include "interflect/device/kernel_arguments.h"
+#include "interflect/device/kernel_source.h"
 #include "interflect/device/kernel_table.h"
 #include "interflect/device/opencl/api.h"
 
@@ -174,6 +175,76 @@ TEST_P(OpenCL, TheLargestProductIsRightAndALargerOneRefused) {
   Buffer* const buffers[] = {f.get(), x.get(), y.get()};
   EXPECT_THAT(error_of([&] { device->queue().launch(*kernel, 1, buffers, bytes_of(a), "Test"); }),
               HasSubstr("n is larger than 1048576"));
+}
+
+/// A kernel of matvec.cl in the GPU's shape for work-groups of 64, which no device here takes by itself.
+struct SmallGroups {
+  explicit SmallGroups(const opencl::Found& found) {
+    cl_int code = CL_SUCCESS;
+    context = opencl::Context(clCreateContext(nullptr, 1, &found.device, nullptr, nullptr, &code));
+    opencl::succeed(code, "test", "open", "clCreateContext");
+    queue = opencl::CommandQueue(clCreateCommandQueue(context.get(), found.device, 0, &code));
+    opencl::succeed(code, "test", "open", "clCreateCommandQueue");
+    const CompileKey key{"opencl", "a device", "a driver",
+                         "-cl-std=CL1.2 -DWORKGROUP=64 -DWIDTH=8 -DCOLUMNS=1 -DROWS=8",
+                         kernel_source("cl", "matvec.cl")};
+    program = opencl::load_program(context.get(), found.device, key, "test", "kernel matvec");
+    entry = opencl::EntryPoint(clCreateKernel(program.get(), "interflect_matvec", &code));
+    opencl::succeed(code, "test", "kernel", "clCreateKernel");
+  }
+
+  /// y = f x for one row of n columns.
+  [[nodiscard]] float product(std::vector<float> f, std::vector<float> x) const {
+    const auto n = static_cast<std::uint32_t>(x.size());
+    std::vector<float> y(16);
+    std::array<opencl::Memory, 3> memory;
+    cl_uint index = 0;
+    for (std::vector<float>* values : {&f, &x, &y}) {
+      cl_int code = CL_SUCCESS;
+      memory[index] = opencl::Memory(clCreateBuffer(context.get(), CL_MEM_READ_WRITE | CL_MEM_COPY_HOST_PTR,
+                                                    values->size() * sizeof(float), values->data(), &code));
+      opencl::succeed(code, "test", "product", "clCreateBuffer");
+      cl_mem handle = memory[index].get();
+      opencl::succeed(clSetKernelArg(entry.get(), index++, sizeof handle, &handle), "test", "product",
+                      "clSetKernelArg");
+    }
+    const MatvecArguments a{n, 0, 1, n, n};
+    opencl::succeed(clSetKernelArg(entry.get(), index, sizeof a, &a), "test", "product", "clSetKernelArg");
+    const std::size_t items = 64;
+    opencl::succeed(clEnqueueNDRangeKernel(queue.get(), entry.get(), 1, nullptr, &items, &items, 0, nullptr, nullptr),
+                    "test", "product", "clEnqueueNDRangeKernel");
+    opencl::succeed(clEnqueueReadBuffer(queue.get(), memory[2].get(), CL_TRUE, 0, y.size() * sizeof(float), y.data(), 0,
+                                        nullptr, nullptr),
+                    "test", "product", "clEnqueueReadBuffer");
+    return y[0];
+  }
+
+  opencl::Context context;
+  opencl::CommandQueue queue;
+  opencl::Program program;
+  opencl::EntryPoint entry;
+};
+
+/// Every work-item's first product is 1 and its later ones are just too small to be added to that: all that go into the
+/// accumulator that holds the 1 are lost. With one accumulator for the whole row these are more than the bound allows.
+double error_of_a_long_row(const opencl::Found& found) {
+  constexpr std::uint32_t n = 65536, workgroup = 64;
+  const std::vector<float> f(n, 1);
+  std::vector<float> x(n, 0.95F * 0x1p-24F);
+  for (std::uint32_t j = 0; j < 4 * workgroup; j += 4) x[j] = 1;
+  double exact = 0;
+  for (const float value : x) exact += static_cast<double>(value);
+  return std::abs(static_cast<double>(SmallGroups(found).product(f, x)) - exact) / exact;
+}
+
+TEST(OpenCLMatvec, ALongRowStaysWithinItsBoundInSmallWorkGroups) {
+  const std::vector<opencl::Found> all = opencl::find_devices();
+  const auto found = std::find_if(all.begin(), all.end(), [](const opencl::Found& f) { return f.device != nullptr; });
+  if (found == all.end()) GTEST_SKIP() << "no OpenCL device: " << all.front().reason;
+  test::KernelFolder folder;
+  EXPECT_LE(error_of_a_long_row(*found), matvec_bound(65536));
+  folder.replace("cl/matvec.cl", "#define BLOCK 64U", "#define BLOCK 1024U");
+  EXPECT_GT(error_of_a_long_row(*found), matvec_bound(65536)) << "the twin: one accumulator for the whole row";
 }
 
 TEST_P(OpenCL, BuffersBeginAsZerosAndKeepTheOrderOfTransfers) {
