@@ -129,10 +129,12 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void interflect_matvec(glo
 #else
 
 // A group takes ROWS rows, eight at a time; its work-items go over the columns side by side, four columns each, and the
-// eight rows' loads are under way at once. An element goes through one addition for each 4 * WORKGROUP / 4 columns, at
-// most WORKGROUP / PARTS additions and a tree of PARTS work-items.
+// eight rows' loads are under way at once. A work-item's sum of a row joins the row's total every BLOCK fours and begins
+// again from zero, so that an element goes through at most 4 * BLOCK = 256 additions, one for each BLOCK * 4 * WORKGROUP
+// columns, STRIP - 1 to join work-items, and a tree of PARTS.
 
 #define STRIP 8
+#define BLOCK 64U                   // fours that a work-item adds before they join the total
 #define CHUNK 4                     // columns of x in registers at once
 #define PARTS (WORKGROUP / STRIP)  // work-items that join a row's sums
 
@@ -166,32 +168,45 @@ void join(const float* sum, local float* scratch, global float* y, uint rows) {
 __attribute__((always_inline)) void multiply(const MatvecArguments a, global const float* f, global const float* x,
                                              global float* y, uint columns, uint row, uint last,
                                              local float* scratch) {
-  float sum[CHUNK][STRIP];
+  float total[CHUNK][STRIP];
 #pragma unroll
   for (uint c = 0; c < CHUNK; ++c) {
 #pragma unroll
-    for (uint q = 0; q < STRIP; ++q) sum[c][q] = 0.0f;
+    for (uint q = 0; q < STRIP; ++q) total[c][q] = 0.0f;
   }
   global const float* rows[STRIP];
 #pragma unroll
   for (uint q = 0; q < STRIP; ++q) rows[q] = f + (size_t)min(row + q, last - 1) * a.row_stride;
-  for (uint j = get_local_id(0) * 4; j < a.n; j += WORKGROUP * 4) {
-    float4 fj[STRIP];
+  for (uint begin = 0; begin < a.n; begin += BLOCK * WORKGROUP * 4) {
+    float sum[CHUNK][STRIP];
 #pragma unroll
-    for (uint q = 0; q < STRIP; ++q) fj[q] = four(rows[q], j, a.n);
-    EACH_COLUMN(c) {
-      const float4 xj = four(x + (size_t)c * a.vector_stride, j, a.n);
+    for (uint c = 0; c < CHUNK; ++c) {
 #pragma unroll
-      for (uint q = 0; q < STRIP; ++q) {
-        sum[c][q] = FMA(fj[q].x, xj.x, sum[c][q]);
-        sum[c][q] = FMA(fj[q].y, xj.y, sum[c][q]);
-        sum[c][q] = FMA(fj[q].z, xj.z, sum[c][q]);
-        sum[c][q] = FMA(fj[q].w, xj.w, sum[c][q]);
+      for (uint q = 0; q < STRIP; ++q) sum[c][q] = 0.0f;
+    }
+    const uint end = min(a.n, begin + BLOCK * WORKGROUP * 4);
+    for (uint j = begin + get_local_id(0) * 4; j < end; j += WORKGROUP * 4) {
+      float4 fj[STRIP];
+#pragma unroll
+      for (uint q = 0; q < STRIP; ++q) fj[q] = four(rows[q], j, a.n);
+      EACH_COLUMN(c) {
+        const float4 xj = four(x + (size_t)c * a.vector_stride, j, a.n);
+#pragma unroll
+        for (uint q = 0; q < STRIP; ++q) {
+          sum[c][q] = FMA(fj[q].x, xj.x, sum[c][q]);
+          sum[c][q] = FMA(fj[q].y, xj.y, sum[c][q]);
+          sum[c][q] = FMA(fj[q].z, xj.z, sum[c][q]);
+          sum[c][q] = FMA(fj[q].w, xj.w, sum[c][q]);
+        }
       }
+    }
+    EACH_COLUMN(c) {
+#pragma unroll
+      for (uint q = 0; q < STRIP; ++q) total[c][q] += sum[c][q];
     }
   }
   EACH_COLUMN(c) {
-    join(sum[c], scratch, y + (size_t)c * a.vector_stride + a.first + row, last - row);
+    join(total[c], scratch, y + (size_t)c * a.vector_stride + a.first + row, last - row);
   }
 }
 

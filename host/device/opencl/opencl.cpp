@@ -304,12 +304,14 @@ DeviceType type_of(cl_device_id device) {
   return (type & CL_DEVICE_TYPE_GPU) != 0 ? DeviceType::gpu : DeviceType::other;
 }
 
-Shape shape_of(cl_device_id device) {
+/// INTERFLECT_OPENCL_SHAPE, "" where it is not set.
+std::string_view forced_shape() {
   const char* forced = std::getenv("INTERFLECT_OPENCL_SHAPE");
-  const std::string_view asked = forced == nullptr ? "" : forced;
-  if (!asked.empty() && asked != "cpu" && asked != "gpu") {
-    throw Error(ErrorKind::usage, fmt::format("INTERFLECT_OPENCL_SHAPE: '{}' is none of cpu, gpu", asked));
-  }
+  return forced == nullptr ? "" : forced;
+}
+
+Shape shape_of(cl_device_id device) {
+  const std::string_view asked = forced_shape();
   const auto largest = number_of<std::size_t>(device, CL_DEVICE_MAX_WORK_GROUP_SIZE);
   const auto native = number_of<cl_uint>(device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT);
   const bool cpu = asked.empty() ? type_of(device) == DeviceType::cpu || largest < 64 : asked == "cpu";
@@ -317,7 +319,7 @@ Shape shape_of(cl_device_id device) {
           .width = std::bit_floor(std::clamp(native, 4U, 16U))};
 }
 
-/// What of the things that kernels/cl/ needs the device lacks; empty: nothing.
+/// What of the things that kernels/cl/ needs the device lacks, or what was wrongly asked for; empty: nothing.
 std::string missing(cl_device_id device) {
   constexpr cl_device_fp_config arithmetic = CL_FP_ROUND_TO_NEAREST | CL_FP_INF_NAN;
   const std::string version = text_of(device, CL_DEVICE_VERSION);
@@ -327,6 +329,10 @@ std::string missing(cl_device_id device) {
   if (number_of<cl_bool>(device, CL_DEVICE_ENDIAN_LITTLE) == CL_FALSE) return "it is not little-endian";
   if ((number_of<cl_device_fp_config>(device, CL_DEVICE_SINGLE_FP_CONFIG) & arithmetic) != arithmetic) {
     return "its fp32 arithmetic does not round to nearest or has no infinities and NaNs";
+  }
+  const std::string_view asked = forced_shape();
+  if (!asked.empty() && asked != "cpu" && asked != "gpu") {
+    return fmt::format("INTERFLECT_OPENCL_SHAPE: '{}' is neither cpu nor gpu", asked);
   }
   return "";
 }

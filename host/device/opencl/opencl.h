@@ -11,8 +11,8 @@
 // Kernels are those of kernels/cl/, compiled by the driver, in one of two shapes:
 //   cpu  a work-group is one work-item that sweeps rows by vectors; for devices of type CPU
 //   gpu  a work-group of up to 256 work-items shares a few rows; for all others
-// INTERFLECT_OPENCL_SHAPE=cpu or gpu forces one of them on every device, so that both can be tested anywhere; another
-// value is a usage Error.
+// INTERFLECT_OPENCL_SHAPE=cpu or gpu forces one of them on every device, so that both can be tested anywhere; with
+// another value no device is available, for that reason.
 
 namespace interflect::opencl {
 
