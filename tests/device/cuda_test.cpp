@@ -209,11 +209,11 @@ std::set<std::string> failing(const Defect& defect) {
     test::CudaOnCpu device(defect.name, test::CudaOnCpu::small);
     std::vector<KernelCheck> rows;
     if (products) {
-      check::check_matvec(device, rows, {.max_size = sanitized ? 33U : 257U, .columns = 3});
+      check::check_matvec(device, rows, {.max_size = sanitized ? 33U : 255U, .columns = 3});
     } else if (streams) {
       check::check_stream(device, rows, {.max_size = sanitized ? 33U : every_size});
     } else {
-      check::check_vectors(device, rows, {.max_size = sanitized ? 33U : 1312U});
+      check::check_vectors(device, rows, {.max_size = sanitized ? 33U : 1025U});
     }
     for (const KernelCheck& row : rows) {
       if (row.status == CheckStatus::fail) found.insert(row.kernel);
