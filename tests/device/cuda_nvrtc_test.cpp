@@ -22,6 +22,14 @@ namespace {
 
 using testing::HasSubstr;
 
+#if defined(__SANITIZE_ADDRESS__)
+constexpr bool sanitized = true;  // NVRTC is several times slower
+#elif defined(__has_feature)
+constexpr bool sanitized = __has_feature(address_sanitizer);
+#else
+constexpr bool sanitized = false;
+#endif
+
 constexpr int newest_driver = 99;  // takes whatever NVRTC there is
 
 /// Skips aloud where there is no NVRTC.
@@ -43,7 +51,8 @@ class CudaNvrtc : public testing::Test {
 std::vector<Macros> variants(std::string_view file) {
   std::vector<Macros> all;
   if (file == "matvec") {
-    for (const int columns : {1, 2, 3, 4, 5, 6, 7, 8, 12, 24}) all.push_back({{"COLUMNS", columns}, {"ROWS", 8}});
+    // One column, the three of light, a whole chunk, one more, many.
+    for (const int columns : {1, 3, 6, 7, 24}) all.push_back({{"COLUMNS", columns}, {"ROWS", 8}});
   } else if (file == "read") {
     for (const int streams : {1, 2, 4, 8}) all.push_back({{"STREAMS", streams}});
   } else {
@@ -90,8 +99,10 @@ std::string text(const Macros& macros) {
 
 TEST_F(CudaNvrtc, CompilesEveryKernelWithoutSpilling) {
   std::cout << "NVRTC " << nvrtc_->version() << "\n";
+  if (sanitized) std::cout << "under the sanitizers: one architecture, axpby.cu and copy.cu only\n";
   std::size_t targets = 0;
   for (const int architecture : {70, 80, 90, 120}) {
+    if (sanitized && architecture != 90) continue;
     const std::string target = "sm_" + std::to_string(architecture);
     if (nvrtc_->target(architecture) != target) {
       std::cout << target << ": this NVRTC does not know it, not compiled\n";
@@ -100,7 +111,9 @@ TEST_F(CudaNvrtc, CompilesEveryKernelWithoutSpilling) {
     ++targets;
     std::set<std::string_view> files;
     std::set<std::string> found;
-    for (const KernelLine& line : kernel_table()) files.insert(line.file);
+    for (const KernelLine& line : kernel_table()) {
+      if (!sanitized || line.file == "axpby" || line.file == "copy") files.insert(line.file);
+    }
     for (const std::string_view file : files) {
       for (const Macros& macros : variants(file)) {
         const CompileKey key = cuda::compile_key(*nvrtc_, target, file, macros);
@@ -123,9 +136,11 @@ TEST_F(CudaNvrtc, CompilesEveryKernelWithoutSpilling) {
         }
       }
     }
-    for (const KernelLine& line : kernel_table()) EXPECT_EQ(found.count(std::string(line.name)), 1U) << line.name;
+    for (const KernelLine& line : kernel_table()) {
+      EXPECT_EQ(found.count(std::string(line.name)), files.count(line.file)) << line.name;
+    }
   }
-  EXPECT_GE(targets, 2U) << "an NVRTC that knows hardly any of them";
+  EXPECT_GE(targets, sanitized ? 1U : 2U) << "an NVRTC that knows hardly any of them";
 }
 
 /// A kernel that keeps too much in registers: figures that could not see it would be worth nothing.

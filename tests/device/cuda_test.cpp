@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <iostream>
 #include <set>
 #include <string>
 
@@ -23,7 +24,8 @@ std::string describe(const KernelCheck& row) {
 
 using cuda_on_cpu::Order;
 
-// Under AddressSanitizer a fiber's switch takes two system calls.
+// Under AddressSanitizer a fiber's switch takes two system calls: there only small sizes are run, in one order of the
+// threads, and one twin of each kind; the output says so. Every other build runs all.
 #if defined(__SANITIZE_ADDRESS__)
 constexpr bool sanitized = true;
 #elif defined(__has_feature)
@@ -43,8 +45,26 @@ INSTANTIATE_TEST_SUITE_P(OnCpu, CudaKernels,
                                          std::pair("Shuffled", Order::shuffled)),
                          [](const auto& info) { return info.param.first; });
 
+/// Of the cases up to n = 33 each kernel's, and matvec with two numbers of columns.
+std::vector<KernelCheck> few_checks(Device& device) {
+  std::cout << "under the sanitizers: n up to 33, 3 and 7 columns\n";
+  std::vector<KernelCheck> rows;
+  check::check_stream(device, rows, {.max_size = 33});
+  for (const std::uint32_t columns : {3U, 7U}) check::check_matvec(device, rows, {.max_size = 33, .columns = columns});
+  check::check_vectors(device, rows, {.max_size = 33});
+  return rows;
+}
+
 TEST_P(CudaKernels, StayWithinTheirBounds) {
-  const bool all = GetParam().second == Order::forwards && !sanitized;
+  if (sanitized) {
+    if (GetParam().second != Order::shuffled) GTEST_SKIP() << "under the sanitizers in one order only, shuffled";
+    test::CudaOnCpu device;
+    const std::vector<KernelCheck> rows = few_checks(device);
+    EXPECT_GT(rows.size(), 150U);
+    for (const KernelCheck& row : rows) EXPECT_EQ(row.status, CheckStatus::pass) << describe(row);
+    return;
+  }
+  const bool all = GetParam().second == Order::forwards;
   test::CudaOnCpu device("", all ? test::CudaOnCpu::large : test::CudaOnCpu::small);
   const std::vector<KernelCheck> rows = check_device(device);
   EXPECT_EQ(rows.size(), 715U);
@@ -56,7 +76,7 @@ TEST_P(CudaKernels, StayWithinTheirBounds) {
 
 /// The bits that a device computes for a product and for sums over more blocks than a warp has lanes.
 std::vector<float> results(Device& device, std::uint32_t rows_in_group) {
-  constexpr std::uint32_t n = 1313, stride = 1328, columns = 3;
+  constexpr std::uint32_t n = 1313, stride = 1328, columns = 3, rows = sanitized ? 40 : n;
   const auto buffer = [&](const std::vector<float>& values) {
     auto made = device.allocate(values.size() * sizeof(float));
     device.queue().upload(*made, 0, std::as_bytes(std::span(values)));
@@ -66,9 +86,9 @@ std::vector<float> results(Device& device, std::uint32_t rows_in_group) {
   const auto x = buffer(check::Random(2).numbers(std::size_t{columns} * stride));
   const auto y = buffer(std::vector<float>(std::size_t{columns} * stride));
   const auto matvec = device.kernel("matvec", {{"COLUMNS", 3}, {"ROWS", static_cast<int>(rows_in_group)}});
-  const MatvecArguments product{.n = n, .first = 0, .rows = n, .row_stride = stride, .vector_stride = stride};
+  const MatvecArguments product{.n = n, .first = 0, .rows = rows, .row_stride = stride, .vector_stride = stride};
   Buffer* const of_product[] = {f.get(), x.get(), y.get()};
-  device.queue().launch(*matvec, (n + rows_in_group - 1) / rows_in_group, of_product,
+  device.queue().launch(*matvec, (rows + rows_in_group - 1) / rows_in_group, of_product,
                         std::as_bytes(std::span(&product, 1)), "Test");
   std::vector<float> all(std::size_t{columns} * stride);
   device.queue().download(*y, 0, std::as_writable_bytes(std::span(all)));
@@ -105,13 +125,16 @@ std::vector<float> sums(Device& device, std::uint32_t n, std::uint32_t blocks_pe
 TEST(CudaKernelsOnCpu, GiveTheSameBitsWhateverTheOrderOfTheThreadsAndTheGroups) {
   test::CudaOnCpu device;
   cuda_on_cpu::use_order(Order::forwards);
+  constexpr std::uint32_t n = sanitized ? 5791 : 40001;
+  if (sanitized) std::cout << "under the sanitizers: small sizes, two orders\n";
   const std::vector<float> product = results(device, 8);
-  const std::vector<float> dots = sums(device, 40001, 1);
+  const std::vector<float> dots = sums(device, n, 1);
   for (const Order order : {Order::forwards, Order::backwards, Order::shuffled}) {
+    if (sanitized && order != Order::shuffled) continue;
     cuda_on_cpu::use_order(order);
     // A row's sum does not depend on the strip that it is in.
     for (const std::uint32_t rows : {8U, 16U, 20U}) EXPECT_EQ(results(device, rows), product) << rows;
-    for (const std::uint32_t blocks : {1U, 7U, 100U}) EXPECT_EQ(sums(device, 40001, blocks), dots) << blocks;
+    for (const std::uint32_t blocks : {1U, 7U, 100U}) EXPECT_EQ(sums(device, n, blocks), dots) << blocks;
   }
   cuda_on_cpu::use_order(Order::forwards);
 }
@@ -119,6 +142,7 @@ TEST(CudaKernelsOnCpu, GiveTheSameBitsWhateverTheOrderOfTheThreadsAndTheGroups) 
 TEST(CudaKernelsOnCpu, ATotalAddsMoreBlocksThanAWarpHasLanes) {
   test::CudaOnCpu device;
   for (const std::uint32_t n : {32U * 1024, 32U * 1024 + 1, 64U * 1024 - 1, 70001U}) {
+    if (sanitized && n != 32U * 1024 + 1) continue;
     const std::uint32_t stride = (n + 15) / 16 * 16;
     const std::vector<float> values = check::Random(3).numbers(std::size_t{2} * stride);
     const std::vector<float> found = sums(device, n, 1);
@@ -173,21 +197,23 @@ void PrintTo(const Defect& defect, std::ostream* out) {
   *out << defect.name << " in " << testing::PrintToString(defect.kernels);
 }
 
-/// The kernels that fail on a device that has the defect; all others pass.
+/// The kernels that fail on a device that has the defect; all others pass. Products are built with the defect for three
+/// columns only.
 std::set<std::string> failing(const Defect& defect) {
   const bool products = defect.kernels.count("matvec") != 0;
   const bool streams = defect.kernels.count("read") + defect.kernels.count("copy") != 0;
   std::set<std::string> found;
   for (const Order order : {Order::forwards, Order::backwards, Order::shuffled}) {
+    if (sanitized && order != Order::forwards) continue;
     cuda_on_cpu::use_order(order);
     test::CudaOnCpu device(defect.name, test::CudaOnCpu::small);
     std::vector<KernelCheck> rows;
     if (products) {
-      check::check_matvec(device, rows);
+      check::check_matvec(device, rows, {.max_size = sanitized ? 33U : 255U, .columns = 3});
     } else if (streams) {
-      check::check_stream(device, rows);
+      check::check_stream(device, rows, {.max_size = sanitized ? 33U : every_size});
     } else {
-      check::check_vectors(device, rows);
+      check::check_vectors(device, rows, {.max_size = sanitized ? 33U : 1025U});
     }
     for (const KernelCheck& row : rows) {
       if (row.status == CheckStatus::fail) found.insert(row.kernel);
@@ -209,6 +235,8 @@ const std::set<std::string> one_barrier = {"dot", "bounce", "cg_product", "bicgs
 class BrokenCudaKernel : public testing::TestWithParam<Defect> {};
 
 TEST_P(BrokenCudaKernel, FailsTheCheck) {
+  const std::set<std::string> few = {"TailDropped", "WarpsNotAwaited"};
+  if (sanitized && few.count(GetParam().name) == 0) GTEST_SKIP() << "under the sanitizers only one twin of each kind";
   EXPECT_EQ(failing(GetParam()), GetParam().kernels);
 }
 
@@ -230,7 +258,7 @@ TEST(BrokenCudaKernelTwin, ABarrierBetweenStripsIsMissed) {
   bool seen = false;
   for (const Order order : {Order::forwards, Order::backwards, Order::shuffled}) {
     cuda_on_cpu::use_order(order);
-    seen = seen || results(device, 20) != results(sound, 20);
+    if (!seen) seen = results(device, 20) != results(sound, 20);
   }
   cuda_on_cpu::use_order(Order::forwards);
   EXPECT_TRUE(seen);
