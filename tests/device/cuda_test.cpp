@@ -67,10 +67,13 @@ TEST_P(CudaKernels, StayWithinTheirBounds) {
   const bool all = GetParam().second == Order::forwards;
   test::CudaOnCpu device("", all ? test::CudaOnCpu::large : test::CudaOnCpu::small);
   const std::vector<KernelCheck> rows = check_device(device);
-  EXPECT_EQ(rows.size(), 715U);
+  EXPECT_EQ(rows.size(), 721U);
   for (const KernelCheck& row : rows) {
-    const bool too_large = !all && row.kernel == "matvec" && row.size > 1000;
-    EXPECT_EQ(row.status, too_large ? CheckStatus::unsupported : CheckStatus::pass) << describe(row);
+    if (!all && row.kernel == "matvec" && row.size > 1000) {  // most do not fit into the small device
+      EXPECT_NE(row.status, CheckStatus::fail) << describe(row);
+    } else {
+      EXPECT_EQ(row.status, CheckStatus::pass) << describe(row);
+    }
   }
 }
 

@@ -146,7 +146,7 @@ TEST_F(FakeCuda, EveryKernelPassesTheCheck) {
     if (sanitized) {
       EXPECT_GT(rows.size(), 100U);
     } else {
-      EXPECT_EQ(rows.size(), 715U);
+      EXPECT_EQ(rows.size(), 721U);
     }
     for (const KernelCheck& row : rows) {
       EXPECT_EQ(row.status, CheckStatus::pass)
