@@ -10,7 +10,7 @@ packages=(
   libembree-dev libtbb-dev libtinygltf-dev libtinyobjloader-dev libpugixml-dev libcli11-dev nlohmann-json3-dev
   libfmt-dev libhwy-dev libopenexr-dev libpng-dev
   # loaders and compilers of the GPU backends (CUDA needs nothing to build)
-  ocl-icd-opencl-dev opencl-headers libvulkan-dev glslang-dev spirv-tools
+  ocl-icd-opencl-dev opencl-headers libvulkan-dev glslang-dev glslang-tools spirv-tools
   # drivers that run GPU kernels on the processor, and what watches them in the tests
   pocl-opencl-icd mesa-vulkan-drivers vulkan-validationlayers oclgrind
   # the bundle
