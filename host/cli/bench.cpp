@@ -79,6 +79,7 @@ int run(const Options& options) {
   std::vector<std::string> ids = choose_devices(options.device);
   if (options.device == "auto") ids.resize(1);
   std::vector<DeviceInfo> infos;
+  infos.reserve(ids.size());
   for (const std::string& id : ids) infos.push_back(info_of(id, ids.size() == 1));
   const std::string folder = scenes_folder(options.scenes);
   if (options.study) {

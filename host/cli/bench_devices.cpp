@@ -86,7 +86,8 @@ Timed reading(const SharedDevice& device, BenchRow& row) {
               },
           .verify =
               [device, ones, readers](BenchRow& judged) {
-                const auto count = static_cast<double>(judged.bytes / sizeof(float));
+                const std::uint64_t floats = judged.bytes / sizeof(float);
+                const auto count = static_cast<double>(floats);
                 for (Reader& reader : *readers) {
                   double total = 0;
                   for (const float sum : reader.sums()) total += static_cast<double>(sum);
@@ -194,8 +195,8 @@ Timed adding(const SharedDevice& device) {
   constexpr float a = 0.75F, b = 0.25F;
   std::vector<float> slots(std::size_t{vector_columns} * scalar_slots);
   for (std::size_t c = 0; c < vector_columns; ++c) {
-    slots[slot::axpby_a * vector_columns + c] = a;
-    slots[slot::axpby_b * vector_columns + c] = b;
+    slots[std::size_t{slot::axpby_a} * vector_columns + c] = a;
+    slots[std::size_t{slot::axpby_b} * vector_columns + c] = b;
   }
   launch->put(2, slots);
   const auto verify = [launch](BenchRow& judged) {
@@ -253,6 +254,7 @@ std::vector<BenchRow> bench_devices(const std::vector<std::string>& devices, uns
   for (const std::string& id : devices) add_device(all, id);
   measure(all, repetitions);
   std::vector<BenchRow> rows;
+  rows.reserve(all.size());
   for (const Measurement& one : all) rows.push_back(one.row);
   return rows;
 }

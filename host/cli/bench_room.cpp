@@ -182,6 +182,7 @@ std::vector<BenchRow> solves(const std::vector<std::pair<BenchRow, SharedPlace>>
   }
   measure(all, repetitions);
   std::vector<BenchRow> rows;
+  rows.reserve(all.size());
   for (const Measurement& one : all) rows.push_back(one.row);
   return rows;
 }

@@ -69,6 +69,7 @@ inline constexpr unsigned stream_non_blocking = 1, event_disable_timing = 2;
      unsigned block_z, unsigned shared_bytes, Stream* stream, void** parameters, void** extra))
 
 struct Driver {
+// NOLINTNEXTLINE(bugprone-macro-parentheses): they are parts of a declaration
 #define INTERFLECT_MEMBER(member, name, parameters) Result(*member) parameters = nullptr;
   INTERFLECT_CUDA_FUNCTIONS(INTERFLECT_MEMBER)
 #undef INTERFLECT_MEMBER

@@ -34,6 +34,8 @@ class Buffer final : public interflect::Buffer {
     if (filled != 0) session_->free(memory_);  // no destructor runs after a constructor's error
     session_->check(filled, operation, "cuMemsetD8Async");
   }
+  Buffer(const Buffer&) = delete;
+  Buffer& operator=(const Buffer&) = delete;
   ~Buffer() override { session_->free(memory_); }
 
   [[nodiscard]] DevicePointer memory() const { return memory_; }
@@ -80,6 +82,8 @@ class Queue final : public interflect::Queue {
       staging.event = session_->owned(event, cuda.event_destroy);
     }
   }
+  Queue(const Queue&) = delete;
+  Queue& operator=(const Queue&) = delete;
   ~Queue() override {
     session_->cuda.stream_wait(stream_.get());  // nothing may still be copying when the staging memory goes
   }
@@ -328,6 +332,7 @@ std::vector<DeviceEntry> list_devices() {
   }
   if (!reason.empty()) return {{.info = unknown(0), .available = false, .reason = reason}};
   std::vector<DeviceEntry> all;
+  all.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) all.push_back(describe(*driver, static_cast<std::uint32_t>(i)).entry);
   return all;
 }

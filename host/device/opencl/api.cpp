@@ -15,9 +15,9 @@ namespace interflect::opencl {
 
 namespace {
 
-constexpr cl_int platform_not_found = -1001;     // CL_PLATFORM_NOT_FOUND_KHR, of cl_khr_icd
-constexpr cl_device_info device_uuid = 0x106A;   // CL_DEVICE_UUID_KHR, of cl_khr_device_uuid
-constexpr std::size_t longest_log = 16U * 1024;  // of a compiler, in an error's message
+constexpr cl_int platform_not_found = -1001;    // CL_PLATFORM_NOT_FOUND_KHR, of cl_khr_icd
+constexpr cl_device_info device_uuid = 0x106A;  // CL_DEVICE_UUID_KHR, of cl_khr_device_uuid
+constexpr std::size_t longest_log = 16384;      // of a compiler, in an error's message
 
 #define INTERFLECT_CODE(code)           \
   std::pair<cl_int, std::string_view> { \

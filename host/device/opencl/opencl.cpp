@@ -55,7 +55,8 @@ class Kernel final : public interflect::Kernel {
       if (bound_[index] != buffer->serial()) {
         const cl_mem memory = buffer->memory();
         bound_[index] = 0;
-        if (const cl_int code = clSetKernelArg(entry(), index, sizeof memory, &memory); code != CL_SUCCESS) return code;
+        if (const cl_int code = clSetKernelArg(entry(), index, sizeof(cl_mem), &memory); code != CL_SUCCESS)
+          return code;
         bound_[index] = buffer->serial();
       }
       ++index;
@@ -78,6 +79,8 @@ class Queue final : public interflect::Queue {
  public:
   Queue(const DeviceInfo& info, std::size_t workgroup, CommandQueue queue)
       : info_(info), workgroup_(workgroup), queue_(std::move(queue)) {}
+  Queue(const Queue&) = delete;
+  Queue& operator=(const Queue&) = delete;
   ~Queue() override { clFinish(queue_.get()); }  // staged bytes may still be on their way
 
   void upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) override {

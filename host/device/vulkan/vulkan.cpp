@@ -37,6 +37,8 @@ std::uint64_t new_number() {
 class Buffer final : public interflect::Buffer {
  public:
   Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue> queue);
+  Buffer(const Buffer&) = delete;
+  Buffer& operator=(const Buffer&) = delete;
   ~Buffer() override;
 
   [[nodiscard]] const Memory& memory() const { return memory_; }
@@ -57,6 +59,8 @@ class Kernel final : public interflect::Kernel {
         queue_(std::move(queue)),
         found_(std::move(found)),
         program_(std::move(program)) {}
+  Kernel(const Kernel&) = delete;
+  Kernel& operator=(const Kernel&) = delete;
   ~Kernel() override;
 
   [[nodiscard]] const KernelLine& line() const { return *found_.line; }
@@ -152,9 +156,10 @@ void Queue::download(const interflect::Buffer& from, std::size_t offset, std::sp
   const Memory& memory = buffer.memory();
   attempt(info_.id, "download", [&] {
     // A copy comes behind what was launched and is waited for: one wait.
-    if (memory.mapped == nullptr && !to.empty()) return commands_.copy_out(*memory.buffer, offset, to);
+    if (to.empty()) return commands_.finish();
+    if (memory.mapped == nullptr) return commands_.copy_out(*memory.buffer, offset, to);
     commands_.finish();
-    if (!to.empty()) std::memcpy(to.data(), memory.mapped + offset, to.size());
+    std::memcpy(to.data(), memory.mapped + offset, to.size());
   });
   Messages::all().raise(info_.id, "download");
 }
