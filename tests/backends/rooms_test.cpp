@@ -13,14 +13,7 @@
 #include "interflect/formfactor/assembly.h"
 #include "interflect/scene/patch_mesh.h"
 #include "interflect/solver/solver.h"
-
-#if defined(__SANITIZE_ADDRESS__)
-#define INTERFLECT_SANITIZED 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define INTERFLECT_SANITIZED 1
-#endif
-#endif
+#include "sanitized.h"
 
 namespace interflect {
 namespace {
@@ -97,9 +90,7 @@ void compare_devices(const Room& room) {
 class Rooms : public testing::TestWithParam<std::uint32_t> {};
 
 TEST_P(Rooms, EveryDeviceAndMethodGivesTheSameLight) {
-#ifdef INTERFLECT_SANITIZED
-  if (GetParam() > 3360) GTEST_SKIP() << "too large a room for a run under the sanitizers";
-#endif
+  if (test::sanitized && GetParam() > 3360) GTEST_SKIP() << "too large a room for a run under the sanitizers";
   const Room room(GetParam());
   ASSERT_EQ(room.mesh.size(), GetParam());
   compare_devices(room);

@@ -14,6 +14,7 @@
 #include "interflect/base/error.h"
 #include "interflect/device/cuda/api.h"
 #include "interflect/device/kernel_table.h"
+#include "sanitized.h"
 
 // The CUDA kernels compiled for real GPUs, where NVRTC is installed. No GPU is needed, nothing runs.
 
@@ -22,13 +23,7 @@ namespace {
 
 using testing::HasSubstr;
 
-#if defined(__SANITIZE_ADDRESS__)
-constexpr bool sanitized = true;  // NVRTC is several times slower
-#elif defined(__has_feature)
-constexpr bool sanitized = __has_feature(address_sanitizer);
-#else
-constexpr bool sanitized = false;
-#endif
+using test::sanitized;  // NVRTC is several times slower
 
 constexpr int newest_driver = 99;  // takes whatever NVRTC there is
 

@@ -10,6 +10,7 @@
 #include "interflect/device/check.h"
 #include "interflect/device/check_tools.h"
 #include "interflect/device/kernel_arguments.h"
+#include "sanitized.h"
 
 // The CUDA kernels without a GPU: their logic on the processor. See also fake_cuda/, where the backend runs on a fake
 // driver, and cuda_nvrtc_test.cpp, where they are compiled for real GPUs.
@@ -26,13 +27,7 @@ using cuda_on_cpu::Order;
 
 // Under AddressSanitizer a fiber's switch takes two system calls: there only small sizes are run, in one order of the
 // threads, and one twin of each kind; the output says so. Every other build runs all.
-#if defined(__SANITIZE_ADDRESS__)
-constexpr bool sanitized = true;
-#elif defined(__has_feature)
-constexpr bool sanitized = __has_feature(address_sanitizer);
-#else
-constexpr bool sanitized = false;
-#endif
+using test::sanitized;
 
 class CudaKernels : public testing::TestWithParam<std::pair<std::string, Order>> {
  protected:

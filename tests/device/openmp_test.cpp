@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <functional>
 
+#include "device/expect_error.h"
 #include "interflect/base/error.h"
 #include "interflect/device/openmp/simd.h"
 #include "interflect/device/registry.h"
@@ -19,15 +20,7 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-void expect_error(ErrorKind kind, const testing::Matcher<std::string>& message, const std::function<void()>& action) {
-  try {
-    action();
-    FAIL() << "no error";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), kind) << error.what();
-    EXPECT_THAT(std::string(error.what()), message);
-  }
-}
+using test::expect_error;
 
 class OpenMP : public testing::Test {
  protected:

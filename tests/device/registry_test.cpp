@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <map>
 
+#include "device/expect_error.h"
 #include "interflect/base/error.h"
 
 // Which devices an id, a list of ids and "auto" mean: with the backends of this build, and with made-up ones.
@@ -18,15 +19,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-void expect_error(ErrorKind kind, const testing::Matcher<std::string>& message, const std::function<void()>& action) {
-  try {
-    action();
-    FAIL() << "no error";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), kind) << error.what();
-    EXPECT_THAT(std::string(error.what()), message);
-  }
-}
+using test::expect_error;
 
 TEST(Registry, ListsOpenMPAndOpensItByNameAndAsAuto) {
   const std::vector<DeviceEntry> all = list_devices();

@@ -17,6 +17,7 @@
 #include "interflect/device/check.h"
 #include "interflect/device/kernel_arguments.h"
 #include "interflect/device/registry.h"
+#include "sanitized.h"
 
 // host/device/cuda on a fake driver that runs the kernels on the processor: that it calls the driver by its rules,
 // gives everything back and reports each error. It says nothing about a GPU.
@@ -27,13 +28,7 @@ namespace {
 using testing::HasSubstr;
 
 // Under AddressSanitizer the kernels' fibers are slow: there only small sizes are run, and the output says so.
-#if defined(__SANITIZE_ADDRESS__)
-constexpr bool sanitized = true;
-#elif defined(__has_feature)
-constexpr bool sanitized = __has_feature(address_sanitizer);
-#else
-constexpr bool sanitized = false;
-#endif
+using test::sanitized;
 
 class FakeCuda : public testing::Test {
  protected:
