@@ -111,24 +111,21 @@ Candidate in_index_order(const FormFactorMatrix& form_factors) {
   return sampled(form_factors, std::move(order));
 }
 
-/// Passes from this order on, as many as pay: the second makes small matrices a few percent smaller and large ones by
-/// less than what it takes; where the first order was hardly one at all, each makes the next one better.
+/// One pass from this order on: measured, a second stores as many tiles again. Only where the first order was hardly
+/// one at all each pass makes the next one better.
 std::vector<std::uint32_t> improved(const FormFactorMatrix& form_factors, Candidate start) {
-  constexpr std::uint32_t small = 4096, large = 12288;
-  constexpr double no_order = 0.95, worth_it = 0.95;
-  const std::size_t n = form_factors.size();
-  if (start.count.stored_fraction() < 0.01)
-    return std::move(start.order);  // nothing to gain, here and in the next line
-  if (fraction(start.count.nonzero_elements, start.count.tiles * tile_rows * tile_columns) > 0.98) return start.order;
-  const int passes = n <= small ? 3 : n <= large ? 2 : 1;
-  const int more = start.count.stored_fraction() > no_order ? 3 : 0;
+  constexpr double hardly_any = 0.01, nearly_all = 0.98, no_order = 0.95, worth_it = 0.95;
+  constexpr int most_passes = 4;
+  const double nonzero = fraction(start.count.nonzero_elements, start.count.tiles * tile_rows * tile_columns);
+  if (start.count.stored_fraction() < hardly_any || nonzero > nearly_all) return std::move(start.order);
+  const int passes = start.count.stored_fraction() > no_order ? most_passes : 1;
   Candidate best = std::move(start);
-  for (int k = 0; k < passes + more; ++k) {
+  for (int k = 0; k < passes; ++k) {
     Candidate next = sampled(form_factors, joined_by_view(form_factors, best.order));
-    const bool better = next.count.stored < best.count.stored;
-    const bool much = static_cast<double>(next.count.stored) < worth_it * static_cast<double>(best.count.stored);
-    if (better) best = std::move(next);
-    if (!better || (k + 1 >= passes && !much)) break;
+    if (next.count.stored >= best.count.stored) break;
+    const bool go_on = fraction(next.count.stored, best.count.stored) < worth_it;
+    best = std::move(next);
+    if (!go_on) break;
   }
   return std::move(best.order);
 }
@@ -189,10 +186,11 @@ std::vector<std::uint32_t> patch_order(const PatchMesh& mesh, const FormFactorMa
     throw Error(ErrorKind::internal, fmt::format("the mesh has {} patches and the matrix of form factors {}",
                                                  mesh.size(), form_factors.size()));
   }
+  constexpr double clearly_less = 0.9;  // file order, where it is one, knows which patches belong together
   Candidate in_file = in_index_order(form_factors);
   Candidate in_space = sampled(form_factors, spatial_order(mesh.centroid, mesh.normal));
-  return improved(form_factors,
-                  in_space.count.stored < in_file.count.stored ? std::move(in_space) : std::move(in_file));
+  const bool space = fraction(in_space.count.stored, in_file.count.stored) < clearly_less;
+  return improved(form_factors, space ? std::move(in_space) : std::move(in_file));
 }
 
 }  // namespace interflect

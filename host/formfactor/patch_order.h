@@ -33,7 +33,7 @@ struct TileCount {
 /// joined to pairs, fours, eights and sixteens that see the same others; they look for partners among those near them
 /// in index. Never stores noticeably more tiles than the order of the indices. The zeros are taken to lie
 /// symmetrically. The same input gives the same order, whatever the number of threads. Takes O(N²) time with a small
-/// factor (a pass or two over F and 1,000 N comparisons of rows of up to 2,560 bits) and N · 320 bytes.
+/// factor (a pass over F and 1,000 N comparisons of rows of up to 2,560 bits) and N · 320 bytes.
 [[nodiscard]] std::vector<std::uint32_t> patch_order(const FormFactorMatrix& form_factors);
 
 /// The same; partners are looked for among those near in space and direction instead where these stand in no useful

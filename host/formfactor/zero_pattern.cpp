@@ -25,7 +25,8 @@ std::uint64_t mark_nonzeros(const float* row, std::size_t n, std::uint64_t* bits
     std::uint64_t word = 0;
     for (std::size_t j = 0; j < 64; j += lanes) {
       std::array<std::uint8_t, 8> mask{};  // StoreMaskBits may write 8 bytes
-      hn::StoreMaskBits(d, hn::Ne(hn::LoadU(d, row + start + j), zero), mask.data());
+      const auto is_zero = hn::Eq(hn::LoadU(d, row + start + j), zero);
+      hn::StoreMaskBits(d, hn::Not(is_zero), mask.data());  // Ne would take NaN for 0 on some targets
       word |= (std::uint64_t{mask[0]} | std::uint64_t{mask[1]} << 8) << j;
     }
     bits[start / 64] |= word;
