@@ -5,10 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <compare>
 #include <cstddef>
 #include <limits>
 #include <numeric>
+#include <tuple>
+#include <utility>
 
 #include "interflect/formfactor/patch_order.h"
 #include "interflect/formfactor/zero_pattern.h"
@@ -22,11 +23,11 @@ constexpr std::uint32_t none = std::numeric_limits<std::uint32_t>::max();
 // Measured on rooms of 1,312 to 17,128 patches: a window of all nodes with 16 neighbours stores 1 % fewer tiles in
 // eight times the time; columns in groups of 4 instead of 16 store 2 % fewer at 1,312 patches and as many at 17,128;
 // without the exchange of partners 1 % more are stored.
-constexpr std::size_t window = 256;         // places to each side in which a node looks for partners
-constexpr std::size_t neighbours = 8;       // partners that it considers
-constexpr std::uint32_t most_bits = 2560;   // of a node's view
-constexpr int tries = 4;                    // for nodes whose partners have all gone to others
-constexpr int improvements = 3;             // runs through the neighbours to exchange partners
+constexpr std::size_t window = 256;        // places to each side in which a node looks for partners
+constexpr std::size_t neighbours = 8;      // partners that it considers
+constexpr std::uint32_t most_bits = 2560;  // of a node's view
+constexpr int tries = 4;                   // for nodes whose partners have all gone to others
+constexpr int improvements = 3;            // runs through the neighbours to exchange partners
 
 /// Clusters of `patches_each` patches and what they see.
 struct Nodes {
@@ -76,7 +77,8 @@ Nodes single_patches(const FormFactorMatrix& form_factors, std::span<const std::
 /// sum of distances is the least sum of what the pairs see.
 struct Edge {
   std::uint32_t distance = none, a = none, b = none;
-  auto operator<=>(const Edge&) const = default;
+  bool operator==(const Edge&) const = default;
+  bool operator<(const Edge& e) const { return std::tie(distance, a, b) < std::tie(e.distance, e.a, e.b); }
 };
 
 /// The edges from each of `among` to its nearest within the window, by distance.
