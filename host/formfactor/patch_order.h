@@ -4,16 +4,13 @@
 #include <span>
 #include <vector>
 
+#include "interflect/base/tile.h"
 #include "interflect/base/vec3.h"
 #include "interflect/formfactor/form_factor_matrix.h"
 #include "interflect/scene/patch_mesh.h"
 
 /// The order of the patches in which the tiled formats store F: such that as many tiles as possible hold only zeros.
 namespace interflect {
-
-/// A tile of the tiled formats: 8 rows by 16 columns, both aligned, in the order of the patches.
-inline constexpr std::uint32_t tile_rows = 8;
-inline constexpr std::uint32_t tile_columns = 16;
 
 /// What the tiled formats would store.
 struct TileCount {
