@@ -18,7 +18,7 @@ namespace interflect::cli {
 namespace {
 
 struct Options {
-  bool study = false;
+  bool study = false, peers = false;
   std::string device = "auto";
   std::string scenes;
   std::vector<unsigned> rooms;
@@ -102,7 +102,7 @@ int run(const Options& options) {
   for (const Room& room : study_rooms()) {
     const bool wanted = options.rooms.empty() ||
                         std::find(options.rooms.begin(), options.rooms.end(), room.patches) != options.rooms.end();
-    if (wanted) add(bench_room(folder, room, ids, options.repetitions, console));
+    if (wanted) add(bench_room(folder, room, ids, options.repetitions, options.peers, console));
   }
   write_files(options, head, rows);
   const bool failed = std::any_of(rows.begin(), rows.end(), [](const BenchRow& row) { return row.status == "fail"; });
@@ -118,6 +118,11 @@ void add_bench(CLI::App& program, Action& action) {
       command.add_flag("--study", options->study, "print the 2014 study's first table with our figures beside");
   command.add_option("--device", options->device, "device id, or several between commas: they take turns pass by pass")
       ->capture_default_str();
+  command
+      .add_flag("--peers", options->peers,
+                "time OpenBLAS, Eigen, ViennaCL, CLBlast, cuBLAS and cuSPARSE, as far as they are there, on the same "
+                "products")
+      ->excludes(study);
   command.add_option("--scenes", options->scenes, "folder with the rooms");
   command.add_option("--room", options->rooms, "only the room with so many patches (may be given several times)")
       ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}))
