@@ -53,15 +53,19 @@ nlohmann::ordered_json header(const std::vector<DeviceInfo>& infos, unsigned rep
            "median, minimum and maximum; devices take turns pass by pass, ratios are the median of those of a pass"}};
 }
 
+void write_json(const std::string& path, const nlohmann::ordered_json& value) {
+  AtomicFile file(path);
+  file.write(dump(value));
+  file.commit();
+}
+
 void write_files(const Options& options, const nlohmann::ordered_json& head, const std::vector<BenchRow>& rows) {
   if (!options.json.empty()) {
     nlohmann::ordered_json out;
     out["header"] = head;
     out["rows"] = nlohmann::ordered_json::array();
     for (const BenchRow& row : rows) out["rows"].push_back(to_json(row));
-    AtomicFile file(options.json);
-    file.write(dump(out));
-    file.commit();
+    write_json(options.json, out);
   }
   if (!options.csv.empty()) {
     AtomicFile file(options.csv);
@@ -83,9 +87,15 @@ int run(const Options& options) {
   for (const std::string& id : ids) infos.push_back(info_of(id, ids.size() == 1));
   const std::string folder = scenes_folder(options.scenes);
   if (options.study) {
-    const StudyTable table = study_table(folder, ids.front(), std::max(1U, options.repetitions / 3), console);
-    fmt::print("{}", table.text);
-    return table.verified ? 0 : exit_status(ErrorKind::device);
+    const unsigned passes = std::max(1U, options.repetitions / 3);
+    const StudyTables tables = study_tables(folder, ids.front(), passes, options.rooms, console);
+    fmt::print("{}", tables.text);
+    if (!options.json.empty()) {
+      nlohmann::ordered_json out = {{"header", header(infos, passes)}};
+      out.update(tables.data);
+      write_json(options.json, out);
+    }
+    return tables.verified ? 0 : exit_status(ErrorKind::device);
   }
   const auto head = header(infos, options.repetitions);
   for (const DeviceInfo& info : infos) {
@@ -114,8 +124,7 @@ int run(const Options& options) {
 void add_bench(CLI::App& program, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App& command = *program.add_subcommand("bench", "measure a device: bandwidth, products, solves, each verified");
-  auto* study =
-      command.add_flag("--study", options->study, "print the 2014 study's first table with our figures beside");
+  auto* study = command.add_flag("--study", options->study, "print the 2014 study's tables with our figures beside");
   command.add_option("--device", options->device, "device id, or several between commas: they take turns pass by pass")
       ->capture_default_str();
   command
@@ -125,9 +134,8 @@ void add_bench(CLI::App& program, Action& action) {
       ->excludes(study);
   command.add_option("--scenes", options->scenes, "folder with the rooms");
   command.add_option("--room", options->rooms, "only the room with so many patches (may be given several times)")
-      ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}))
-      ->excludes(study);
-  command.add_option("--json", options->json, "write the rows as JSON")->check(file_name())->excludes(study);
+      ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}));
+  command.add_option("--json", options->json, "write the rows as JSON")->check(file_name());
   command.add_option("--csv", options->csv, "write the rows as CSV")->check(file_name())->excludes(study);
   command.add_option("--repetitions", options->repetitions, "timed passes of each")
       ->check(number(0U, 1000U))
