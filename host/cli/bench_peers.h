@@ -16,8 +16,4 @@ namespace interflect::cli {
 void add_peers(std::vector<Measurement>& all, const BenchRow& base, const std::vector<peers::Peer>& peers,
                const std::shared_ptr<const peers::Problem>& problem);
 
-/// The largest |y − F x| / |F x| against the product in double (of positive terms), and the bound of our own matvec:
-/// no library promises an order of sums, but what is usual (√n u) stays far below. Denies what is above.
-void judge_product(BenchRow& row, const FormFactorMatrix& f, const Columns& x, const Columns& y);
-
 }  // namespace interflect::cli

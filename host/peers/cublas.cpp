@@ -20,6 +20,7 @@ enum Transpose : int { as_is = 0, transposed = 1 };
 
 using Create = int(Handle* handle);
 using Destroy = int(Handle handle);
+using SetStream = int(Handle handle, cuda::Stream* stream);
 using Version = int(Handle handle, int* version);
 using Sgemm = int(Handle handle, Transpose a_turned, Transpose b_turned, int m, int n, int k, const float* alpha,
                   const float* a, int a_stride, const float* b, int b_stride, const float* beta, float* c,
@@ -41,6 +42,7 @@ struct State {
     place.upload_f();
     place.check(library.function<Create>("cublasCreate_v2")(&handle), "cublasCreate");
     handle_.reset(handle);
+    place.check(library.function<SetStream>("cublasSetStream_v2")(handle, place.stream()), "cublasSetStream");
   }
   [[nodiscard]] std::string about() const {
     int version = 0;

@@ -2,11 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cstring>
+
 #include "interflect/base/error.h"
 
 namespace interflect::peers {
 
 namespace {
+
+constexpr std::size_t staging_bytes = std::size_t{16} << 20;
 
 const cuda::Driver& driver() {
   std::string reason;
@@ -19,6 +24,9 @@ const cuda::Driver& driver() {
 CudaPlace::CudaPlace(const Problem& given, const std::string& id)
     : problem(given), session_(driver(), id, static_cast<int>(index_of(id))) {
   use();
+  cuda::Stream* stream = nullptr;
+  session_.check(session_.cuda.stream_create(&stream, cuda::stream_non_blocking), "peer", "cuStreamCreate");
+  stream_ = session_.owned(stream, session_.cuda.stream_destroy);
   x_by_columns = uploaded(std::as_bytes(std::span(problem.x_by_columns())));
   x_by_rows = uploaded(std::as_bytes(std::span(problem.x_by_rows())));
   const std::vector<float> zeros(columns * problem.n());
@@ -32,10 +40,21 @@ cuda::DevicePointer CudaPlace::allocate(std::size_t bytes) {
   return memory;
 }
 
+CudaPlace::Pinned CudaPlace::pinned(std::size_t bytes) const {
+  void* memory = nullptr;
+  session_.check(session_.cuda.pinned_allocate(&memory, bytes, 0), "peer", "cuMemHostAlloc");
+  return {memory, [free = session_.cuda.pinned_free](void* given) { free(given); }};
+}
+
 cuda::DevicePointer CudaPlace::uploaded(std::span<const std::byte> data) {
   const cuda::DevicePointer memory = allocate(data.size());
-  session_.check(session_.cuda.copy_in(memory, data.data(), data.size(), nullptr), "peer", "cuMemcpyHtoDAsync");
-  wait();
+  const Pinned staging = pinned(std::min(data.size(), staging_bytes));
+  for (std::size_t done = 0; done < data.size(); done += staging_bytes) {
+    const std::size_t bytes = std::min(data.size() - done, staging_bytes);
+    std::memcpy(staging.get(), data.data() + done, bytes);
+    session_.check(session_.cuda.copy_in(memory + done, staging.get(), bytes, stream()), "peer", "cuMemcpyHtoDAsync");
+    wait();
+  }
   return memory;
 }
 
@@ -47,15 +66,17 @@ void CudaPlace::upload_f() {
 }
 
 void CudaPlace::wait() const {
-  session_.check(session_.cuda.stream_wait(nullptr), "peer", "cuStreamSynchronize");
+  session_.check(session_.cuda.stream_wait(stream()), "peer", "cuStreamSynchronize");
 }
 
 std::vector<float> CudaPlace::download() const {
   use();
   std::vector<float> values(columns * problem.n());
-  session_.check(session_.cuda.copy_out(values.data(), y, values.size() * sizeof(float), nullptr), "peer",
-                 "cuMemcpyDtoHAsync");
+  const std::size_t bytes = values.size() * sizeof(float);
+  const Pinned staging = pinned(bytes);
+  session_.check(session_.cuda.copy_out(staging.get(), y, bytes, stream()), "peer", "cuMemcpyDtoHAsync");
   wait();
+  std::memcpy(values.data(), staging.get(), bytes);
   return values;
 }
 

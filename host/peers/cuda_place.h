@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -16,8 +17,7 @@ namespace interflect::peers {
 template <class T>
 using Given = std::unique_ptr<T, int (*)(T*)>;
 
-/// A CUDA device in use by a library of NVIDIA's, with X and Y on it. Work goes to the default stream of the device's
-/// primary context, which is where those libraries put it.
+/// A CUDA device in use by a library of NVIDIA's, with X and Y on it, and the stream in which everything is done.
 class CudaPlace {
  public:
   /// Throws a limit Error when there is no driver or no such device, device Errors.
@@ -31,7 +31,9 @@ class CudaPlace {
   [[nodiscard]] cuda::DevicePointer uploaded(std::span<const std::byte> data);
   /// Makes the context the calling thread's; every use of a library begins with it.
   void use() const { session_.use("peer"); }
+  /// Returns when everything in the stream is done.
   void wait() const;
+  [[nodiscard]] cuda::Stream* stream() const { return stream_.get(); }
   /// The 3 n floats of Y.
   [[nodiscard]] std::vector<float> download() const;
   /// Throws a device Error unless a library's status is 0.
@@ -59,7 +61,12 @@ class CudaPlace {
     const cuda::Session* session;
     cuda::DevicePointer pointer;
   };
+  /// Memory of the host that the driver can copy from by itself.
+  using Pinned = std::unique_ptr<void, std::function<void(void*)>>;
+  [[nodiscard]] Pinned pinned(std::size_t bytes) const;
+
   cuda::Session session_;
+  cuda::Session::Owned<cuda::Stream> stream_;
   std::vector<Memory> memory_;
 };
 

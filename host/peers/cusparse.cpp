@@ -29,6 +29,7 @@ enum Algorithm : int { default_algorithm = 0, csr_algorithm_2 = 6 };
 
 using Create = int(Handle* handle);
 using Destroy = int(Opaque* object);
+using SetStream = int(Handle handle, cuda::Stream* stream);
 using Version = int(Handle handle, int* version);
 using CreateCsr = int(Sparse* matrix, std::int64_t rows, std::int64_t columns, std::int64_t count, void* row_starts,
                       void* column_indices, void* values, IndexType start_type, IndexType index_type, IndexBase base,
@@ -71,6 +72,7 @@ class State {
         multiply_(library_.function<Multiply>("cusparseSpMM")) {
     place.check(library_.function<Create>("cusparseCreate")(&handle_), "cusparseCreate");
     kept_handle_ = {handle_, library_.function<Destroy>("cusparseDestroy")};
+    place.check(library_.function<SetStream>("cusparseSetStream")(handle_, place.stream()), "cusparseSetStream");
     const Csr csr = non_zeros(problem.f());
     const auto n = static_cast<std::int64_t>(problem.n());
     place.check(library_.function<CreateCsr>("cusparseCreateCsr")(

@@ -87,6 +87,10 @@ struct Peer {
 [[nodiscard]] std::vector<Peer> cublas(const std::string& cuda_device);
 [[nodiscard]] std::vector<Peer> cusparse(const std::string& cuda_device);
 
+/// The largest |y − F x| / |F x| of all rows and columns against the product in double (x and F are not negative, so
+/// that |F x| is the magnitude of what is added); not a number when y holds such or has another shape.
+[[nodiscard]] double product_error(const FormFactorMatrix& f, const Columns& x, const Columns& y);
+
 /// The index of "opencl:1" and the like; a usage Error where there is none.
 [[nodiscard]] std::size_t index_of(std::string_view id);
 

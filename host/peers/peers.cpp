@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <limits>
 
 #include "interflect/base/error.h"
@@ -73,6 +74,23 @@ std::size_t fastest(const std::vector<Call>& calls) {
     }
   }
   return static_cast<std::size_t>(std::min_element(seconds.begin(), seconds.end()) - seconds.begin());
+}
+
+double product_error(const FormFactorMatrix& f, const Columns& x, const Columns& y) {
+  std::vector<std::vector<double>> exact;
+  exact_product(f, x, exact);
+  if (y.size() != exact.size()) return NAN;
+  double error = 0;
+  for (std::size_t c = 0; c < exact.size(); ++c) {
+    if (y[c].size() != exact[c].size()) return NAN;
+    for (std::size_t i = 0; i < exact[c].size(); ++i) {
+      const double difference = std::abs(static_cast<double>(y[c][i]) - exact[c][i]);
+      const double relative = exact[c][i] > 0 ? difference / exact[c][i] : difference;
+      if (!(relative <= error)) error = relative;
+      if (std::isnan(error)) return error;
+    }
+  }
+  return error;
 }
 
 std::size_t index_of(std::string_view id) {
