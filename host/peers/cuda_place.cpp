@@ -19,10 +19,22 @@ const cuda::Driver& driver() {
   throw Error(ErrorKind::limit, reason);
 }
 
+int device_of(const std::string& id) {
+  int count = 0, device = 0;
+  const std::size_t index = index_of(id);
+  const auto check = [&](cuda::Result result, const char* function) {
+    if (result != 0) throw device_error(id, "peer", driver().text(result, function));
+  };
+  check(driver().device_count(&count), "cuDeviceGetCount");
+  if (index >= static_cast<std::size_t>(count)) throw Error(ErrorKind::limit, "no device " + id);
+  check(driver().device_get(&device, static_cast<int>(index)), "cuDeviceGet");
+  return device;
+}
+
 }  // namespace
 
 CudaPlace::CudaPlace(const Problem& given, const std::string& id)
-    : problem(given), session_(driver(), id, static_cast<int>(index_of(id))) {
+    : problem(given), session_(driver(), id, device_of(id)) {
   use();
   cuda::Stream* stream = nullptr;
   session_.check(session_.cuda.stream_create(&stream, cuda::stream_non_blocking), "peer", "cuStreamCreate");

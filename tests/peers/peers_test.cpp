@@ -137,10 +137,13 @@ TEST(Peers, ALibraryThatIsNoneIsNamed) {
 TEST(Peers, ADeviceThatIsNotThereIsNamed) {
   const Small small(17);
   const Problem problem(small.f, small.x, 1);
-  for (const Peer& peer : all_peers({"opencl:99"})) {
+  fake_cuda_devices(1);
+  fake_cuda_reset();
+  const Variable blas("INTERFLECT_CUBLAS", FAKE_BLAS), sparse("INTERFLECT_CUSPARSE", FAKE_BLAS);
+  for (const Peer& peer : all_peers({"opencl:99", "cuda:1"})) {
     if (peer.device == "host") continue;
     EXPECT_THAT(refusal(peer, problem),
-                AnyOf("no device opencl:99", StartsWith("not installed: lib"), StartsWith("not in this build: ")));
+                AnyOf("no device " + peer.device, StartsWith("not installed: lib"), StartsWith("not in this build: ")));
   }
   EXPECT_THROW(static_cast<void>(index_of("opencl:")), Error);
   EXPECT_THROW(static_cast<void>(index_of("openmp")), Error);
