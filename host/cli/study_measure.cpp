@@ -1,12 +1,15 @@
 #include "study_measure.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <utility>
 
 #include "interflect/base/error.h"
 #include "interflect/device/registry.h"
+#include "interflect/formfactor/packed_matrix.h"
+#include "interflect/formfactor/patch_order.h"
 #include "pipeline.h"
 #include "study_loops.h"
 
@@ -14,7 +17,8 @@ namespace interflect::cli {
 
 namespace {
 
-constexpr double nearness = 1e-5;  // of the largest radiosity
+// Of the largest radiosity: what separates two solutions of one system to 1e-6, and what rounding F to 16 bits may do.
+constexpr double nearness = 1e-5, nearness_16_bits = 1e-4;
 
 /// What the last pass of a contestant gave.
 struct Answer {
@@ -23,6 +27,7 @@ struct Answer {
   bool converged = false;
   double residual = 0;
 };
+constexpr std::array packed_formats{Storage::dense16, Storage::tiled16, Storage::sym16};
 using SharedAnswer = std::shared_ptr<Answer>;
 
 /// F of a room and the light in it, with everything that is made of them for the contest.
@@ -49,13 +54,14 @@ struct Contest {
 /// what it is held against itself.
 void judge(BenchRow& row, const Answer& answer, const SharedAnswer& reference, std::uint64_t bytes) {
   row.products = answer.products;
-  row.bytes = answer.products * bytes;
+  if (row.bytes == 0) row.bytes = bytes;  // else of its own storage
+  row.bytes *= answer.products;
   if (reference == nullptr || reference.get() == &answer) {
     row.error = answer.residual;
     row.bound = StopTest{}.tolerance;
   } else {
     row.error = largest_difference(answer.radiosity, reference->radiosity);
-    row.bound = nearness;
+    row.bound = row.storage == name(Storage::dense32) ? nearness : nearness_16_bits;
   }
   if (!answer.converged) {
     deny(row, "not converged");
@@ -65,11 +71,11 @@ void judge(BenchRow& row, const Answer& answer, const SharedAnswer& reference, s
 }
 
 /// Adds one: `run` solves once, fills the answer and returns the seconds.
-void add_contestant(Contest& contest, const std::string& device, const std::string& what,
-                    const std::string& reference_key, const std::function<std::function<double(Answer&)>()>& prepare) {
+void add_contestant(Contest& contest, const BenchRow& row, const std::string& reference_key,
+                    const std::function<std::function<double(Answer&)>()>& prepare) {
   const auto answer = std::make_shared<Answer>();
-  contest.answers[StudyRoom::key(device, what)] = answer;
-  add(contest.all, contest.row(device, what), [&]() -> Timed {
+  contest.answers[StudyRoom::key(row.device, row.what)] = answer;
+  add(contest.all, row, [&]() -> Timed {
     return {.pass = [answer, run = prepare()] { return run(*answer); },
             .verify =
                 [answer, &contest, reference_key](BenchRow& judged) {
@@ -78,9 +84,8 @@ void add_contestant(Contest& contest, const std::string& device, const std::stri
   });
 }
 
-void add_solve(Contest& contest, const std::shared_ptr<Scheduler>& place, const std::string& device, Method method,
-               const std::string& reference_key) {
-  const auto run = [place, method, &contest](Answer& answer) {
+std::function<double(Answer&)> solving(const Contest& contest, const std::shared_ptr<Scheduler>& place, Method method) {
+  return [place, method, &contest](Answer& answer) {
     const SolveReport report = solve(*place, method, StopTest{}, contest.scene.mesh.area, contest.light.reflectance,
                                      contest.light.emittance, answer.radiosity);
     answer.iterations = report.iterations;
@@ -89,23 +94,52 @@ void add_solve(Contest& contest, const std::shared_ptr<Scheduler>& place, const 
     answer.residual = *std::max_element(report.relative_residual.begin(), report.relative_residual.end());
     return report.seconds;
   };
-  add_contestant(contest, device, "solve:" + std::string(name(method)), reference_key, [&] { return run; });
 }
 
-/// F on a device; a row that says why it is not there, where it is not.
+[[nodiscard]] std::vector<std::unique_ptr<Device>> opened(const std::string& id) {
+  std::vector<std::unique_ptr<Device>> devices;
+  devices.push_back(open_device(id));
+  return devices;
+}
+
+/// A device or a kernel that is not there is no failure of what is measured.
+template <class Act>
+auto absent_is_a_limit(Act act) {
+  try {
+    return act();
+  } catch (const Error& error) {
+    throw Error(ErrorKind::limit, error.what());
+  }
+}
+
+/// F on a device; rows that say why it is not there, where it is not.
 void add_device(Contest& contest, const std::string& id, const std::vector<Method>& methods,
                 const std::string& reference_key) {
-  try {
-    std::vector<std::unique_ptr<Device>> devices;
-    devices.push_back(open_device(id));
-    const auto place = std::make_shared<Scheduler>(contest.factors.matrix, std::move(devices), 3);
-    for (const Method method : methods) add_solve(contest, place, id, method, reference_key);
-  } catch (const Error& error) {
-    for (const Method method : methods) {
-      add_contestant(contest, id, "solve:" + std::string(name(method)), reference_key,
-                     [&]() -> std::function<double(Answer&)> { throw Error(ErrorKind::limit, error.what()); });
-    }
+  std::shared_ptr<Scheduler> place;
+  for (const Method method : methods) {
+    const BenchRow row = contest.row(id, "solve:" + std::string(name(method)));
+    add_contestant(contest, row, reference_key, [&] {
+      if (place == nullptr) {
+        auto devices = absent_is_a_limit([&] { return opened(id); });
+        place = std::make_shared<Scheduler>(contest.factors.matrix, std::move(devices), 3);
+      }
+      return solving(contest, place, method);
+    });
   }
+}
+
+/// F in 16 bits and CG on a device, where the device has the format's kernels.
+void add_packed(Contest& contest, const std::string& id, Storage storage, std::span<const std::uint32_t> order,
+                const std::string& reference_key) {
+  BenchRow row = contest.row(id, "solve:cg:" + std::string(name(storage)));
+  row.storage = name(storage);
+  const auto packed = std::make_shared<PackedMatrix>(contest.factors.matrix, contest.scene.mesh.area, storage,
+                                                     PackedMatrix::Options{.order = {order.begin(), order.end()}});
+  row.bytes = packed->bytes();
+  add_contestant(contest, row, reference_key, [&]() -> std::function<double(Answer&)> {
+    const auto place = absent_is_a_limit([&] { return std::make_shared<Scheduler>(*packed, opened(id), 3); });
+    return [packed, place, run = solving(contest, place, Method::cg)](Answer& answer) { return run(answer); };
+  });
 }
 
 void add_loop(Contest& contest, VectorLayout layout, bool parallel, const std::string& reference_key) {
@@ -118,7 +152,7 @@ void add_loop(Contest& contest, VectorLayout layout, bool parallel, const std::s
     answer.converged = report.converged;
     return report.seconds;
   };
-  add_contestant(contest, "host", what, reference_key, [&] { return run; });
+  add_contestant(contest, contest.row("host", what), reference_key, [&] { return run; });
 }
 
 }  // namespace
@@ -135,6 +169,16 @@ double largest_difference(const Columns& a, const Columns& b) {
     }
   }
   return largest > 0 ? difference / largest : difference;
+}
+
+std::string StudyRoom::best_cg(const std::string& device) const {
+  std::string best = "solve:cg";
+  for (const Storage storage : packed_formats) {
+    const std::string what = "solve:cg:" + std::string(name(storage));
+    const Measurement *one = passed(device, what), *other = passed(device, best);
+    if (one != nullptr && (other == nullptr || one->row.seconds < other->row.seconds)) best = what;
+  }
+  return best;
 }
 
 const Measurement* StudyRoom::passed(std::string_view device, std::string_view what) const {
@@ -154,6 +198,8 @@ StudyRoom measure_study_room(const std::string& folder, const Room& room, const 
   const std::string reference = StudyRoom::key(device, "solve:cg");
 
   add_device(contest, device, {Method::cg, Method::jacobi, Method::bicgstab}, reference);
+  const std::vector<std::uint32_t> order = patch_order(contest.scene.mesh, contest.factors.matrix);
+  for (const Storage storage : packed_formats) add_packed(contest, device, storage, order, reference);
   if (device != "openmp") add_device(contest, "openmp", {Method::cg, Method::jacobi}, reference);
   if (device != "cuda:0") add_device(contest, "cuda:0", {Method::cg, Method::jacobi}, reference);
   for (const VectorLayout layout : {VectorLayout::aos, VectorLayout::soa}) {

@@ -11,12 +11,15 @@
 #include <tuple>
 #include <utility>
 
+#include "interflect/formfactor/packed_matrix.h"
 #include "interflect/formfactor/patch_order.h"
 #include "interflect/formfactor/zero_pattern.h"
 
 namespace interflect {
 
 namespace {
+
+constexpr std::uint32_t tile_columns = PackedMatrix::tile_columns;
 
 constexpr std::uint32_t none = std::numeric_limits<std::uint32_t>::max();
 

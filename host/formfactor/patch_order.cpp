@@ -12,12 +12,15 @@
 #include <utility>
 
 #include "interflect/base/error.h"
+#include "interflect/formfactor/packed_matrix.h"
 #include "interflect/formfactor/patch_clusters.h"
 #include "interflect/formfactor/zero_pattern.h"
 
 namespace interflect {
 
 namespace {
+
+constexpr std::uint32_t tile_rows = PackedMatrix::tile_rows, tile_columns = PackedMatrix::tile_columns;
 
 /// Which patch of the matrix stands in which place.
 std::vector<std::uint32_t> places(const FormFactorMatrix& form_factors, std::span<const std::uint32_t> order) {

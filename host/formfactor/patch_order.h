@@ -11,11 +11,8 @@
 /// The order of the patches in which the tiled formats store F: such that as many tiles as possible hold only zeros.
 namespace interflect {
 
-/// A tile of the tiled formats: 8 rows by 16 columns, both aligned, in the order of the patches.
-inline constexpr std::uint32_t tile_rows = 8;
-inline constexpr std::uint32_t tile_columns = 16;
-
-/// What the tiled formats would store.
+/// What the tiled formats would store, in tiles of PackedMatrix::tile_rows x tile_columns, both aligned, in the order of
+/// the patches.
 struct TileCount {
   std::uint64_t stored = 0, tiles = 0;                    ///< with a non-zero element, and all
   std::uint64_t triangle_stored = 0, triangle_tiles = 0;  ///< of the tiles with a place where row <= column
