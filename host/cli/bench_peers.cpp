@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "interflect/base/timer.h"
-#include "interflect/device/check.h"
 
 namespace interflect::cli {
 
@@ -27,8 +26,7 @@ Timed timed(const peers::Peer& peer, const std::shared_ptr<const peers::Problem>
                 const peers::Call& call = ready->calls[best];
                 const Columns x = peers::from_columns(problem->x_by_columns(), problem->n());
                 judged.error = peers::product_error(problem->f(), x, call.result());
-                // No library promises an order of sums, but what is usual (√n u) stays far below the bound of our own.
-                judged.bound = matvec_bound(problem->f().size());
+                judged.bound = peers::product_bound(problem->n());
                 if (!(judged.error <= judged.bound)) deny(judged, "differs from the fp64 reference");
                 const std::string choice =
                     ready->calls.size() > 1 ? fmt::format(" (fastest of {} calls)", ready->calls.size()) : "";

@@ -58,36 +58,65 @@ void multiply(State& s, bool x_by_rows) {
   s.place.wait();
 }
 
+void multiply_by_columns(State& s) {
+  const std::size_t n = s.place.problem.n();
+  cl_command_queue queue = s.place.queue.get();
+  s.check(
+      s.sgemm(by_columns, as_is, as_is, n, columns, n, 1, s.place.f_by_columns.get(), 0, s.place.problem.f().stride(),
+              s.place.x_by_columns.get(), 0, n, 0, s.place.y.get(), 0, n, &queue, nullptr),
+      "CLBlastSgemm");
+  s.place.wait();
+}
+
+/// Three products with a part of F that has m rows (columns) of n as it lies.
+void vectors(State& s, Layout layout, Transpose turned, cl_mem f, std::size_t m, std::size_t n, std::size_t first) {
+  cl_command_queue queue = s.place.queue.get();
+  for (std::size_t c = 0; c < columns; ++c) {
+    const std::size_t start = c * s.place.problem.n();
+    s.check(s.sgemv(layout, turned, m, n, 1, f, 0, s.place.problem.f().stride(), s.place.x_by_columns.get(), start, 1,
+                    0, s.place.y.get(), start + first, 1, &queue, nullptr),
+            "CLBlastSgemv");
+  }
+}
+
+constexpr const char* about = "CLBlast, its own choice for this device";
+
 Ready sgemm(const Problem& problem, const std::string& id) {
   const auto s = std::make_shared<State>(problem, id);
   const std::size_t n = problem.n();
-  return {.about = "CLBlast, its own choice for this device",
-          .calls = {
-              {"F by rows, X by columns", [s] { multiply(*s, false); },
-               [s, n] { return from_columns(s->place.download(), n); }},
-              {"F and X by rows", [s] { multiply(*s, true); }, [s, n] { return from_rows(s->place.download(), n); }}}};
+  const auto y_columns = [s, n] { return from_columns(s->place.download(), n); };
+  Ready ready{.about = about, .calls = {}};
+  ready.calls.push_back({"F by rows, X by columns", [s] { multiply(*s, false); }, y_columns});
+  ready.calls.push_back(
+      {"F and X by rows", [s] { multiply(*s, true); }, [s, n] { return from_rows(s->place.download(), n); }});
+  if (s->place.f_by_columns != nullptr) {
+    ready.calls.push_back({"F and X by columns", [s] { multiply_by_columns(*s); }, y_columns});
+  }
+  return ready;
 }
 
 Ready sgemv(const Problem& problem, const std::string& id) {
   const auto s = std::make_shared<State>(problem, id);
-  const std::size_t n = problem.n(), stride = problem.f().stride();
-  const auto run = [s, n, stride](Layout layout) {
-    cl_command_queue queue = s->place.queue.get();
-    for (const OpenClPlace::Rows& panel : s->place.panels) {
-      for (std::size_t c = 0; c < columns; ++c) {
-        const bool rows = layout == by_rows;
-        s->check(s->sgemv(layout, rows ? as_is : transposed, rows ? panel.rows : n, rows ? n : panel.rows, 1,
-                          panel.f.get(), 0, stride, s->place.x_by_columns.get(), c * n, 1, 0, s->place.y.get(),
-                          c * n + panel.first, 1, &queue, nullptr),
-                 "CLBlastSgemv");
-      }
-    }
-    s->place.wait();
-  };
-  return {.about = "CLBlast, its own choice for this device",
-          .calls = {{"F by rows", [run] { run(by_rows); }, [s, n] { return from_columns(s->place.download(), n); }},
-                    {"F by rows, as columns of its transpose", [run] { run(by_columns); },
-                     [s, n] { return from_columns(s->place.download(), n); }}}};
+  const std::size_t n = problem.n();
+  const auto y_columns = [s, n] { return from_columns(s->place.download(), n); };
+  Ready ready{.about = about, .calls = {}};
+  ready.calls.push_back({"F by rows",
+                         [s, n] {
+                           for (const auto& panel : s->place.panels) {
+                             vectors(*s, by_rows, as_is, panel.f.get(), panel.rows, n, panel.first);
+                           }
+                           s->place.wait();
+                         },
+                         y_columns});
+  if (s->place.f_by_columns != nullptr) {
+    ready.calls.push_back({"F by columns",
+                           [s, n] {
+                             vectors(*s, by_columns, as_is, s->place.f_by_columns.get(), n, n, 0);
+                             s->place.wait();
+                           },
+                           y_columns});
+  }
+  return ready;
 }
 
 }  // namespace

@@ -86,34 +86,64 @@ void by_rows(State& s) {
   s.place.wait();
 }
 
-void vectors(State& s) {
+void all_by_columns(State& s) {
   s.place.use();
-  const std::size_t n = s.place.problem.n();
-  for (const CudaPlace::Rows& panel : s.place.panels) {
-    for (std::size_t c = 0; c < columns; ++c) {
-      s.place.check(s.sgemv(s.handle, transposed, static_cast<int>(n), static_cast<int>(panel.rows), &one, at(panel.f),
-                            static_cast<int>(s.place.problem.f().stride()), at(s.place.x_by_columns, c * n), 1, &zero,
-                            at(s.place.y, c * n + panel.first), 1),
-                    "cublasSgemv");
-    }
-  }
+  const int n = static_cast<int>(s.place.problem.n()), stride = static_cast<int>(s.place.problem.f().stride());
+  s.place.check(s.sgemm(s.handle, as_is, as_is, n, three, n, &one, at(s.place.f_by_columns), stride,
+                        at(s.place.x_by_columns), n, &zero, at(s.place.y), n),
+                "cublasSgemm");
   s.place.wait();
+}
+
+/// Three products with a part of F that has m rows and n columns as it lies.
+void vectors(State& s, Transpose turned, cuda::DevicePointer f, std::size_t m, std::size_t n, std::size_t first) {
+  for (std::size_t c = 0; c < columns; ++c) {
+    const std::size_t start = c * s.place.problem.n();
+    s.place.check(s.sgemv(s.handle, turned, static_cast<int>(m), static_cast<int>(n), &one, at(f),
+                          static_cast<int>(s.place.problem.f().stride()), at(s.place.x_by_columns, start), 1, &zero,
+                          at(s.place.y, start + first), 1),
+                  "cublasSgemv");
+  }
 }
 
 Ready sgemm(const Problem& problem, const std::string& id) {
   const auto s = std::make_shared<State>(problem, id);
   const std::size_t n = problem.n();
-  return {.about = s->about(),
-          .calls = {{"F by rows, X by columns", [s] { by_columns(*s); },
-                     [s, n] { return from_columns(s->place.download(), n); }},
-                    {"F and X by rows", [s] { by_rows(*s); }, [s, n] { return from_rows(s->place.download(), n); }}}};
+  const auto y_columns = [s, n] { return from_columns(s->place.download(), n); };
+  Ready ready{.about = s->about(), .calls = {}};
+  ready.calls.push_back({"F by rows, X by columns", [s] { by_columns(*s); }, y_columns});
+  ready.calls.push_back(
+      {"F and X by rows", [s] { by_rows(*s); }, [s, n] { return from_rows(s->place.download(), n); }});
+  if (s->place.f_by_columns != 0) {
+    ready.calls.push_back({"F and X by columns", [s] { all_by_columns(*s); }, y_columns});
+  }
+  return ready;
 }
 
 Ready sgemv(const Problem& problem, const std::string& id) {
   const auto s = std::make_shared<State>(problem, id);
   const std::size_t n = problem.n();
-  return {.about = s->about(),
-          .calls = {{"F by rows", [s] { vectors(*s); }, [s, n] { return from_columns(s->place.download(), n); }}}};
+  const auto y_columns = [s, n] { return from_columns(s->place.download(), n); };
+  Ready ready{.about = s->about(), .calls = {}};
+  ready.calls.push_back({"F by rows",
+                         [s, n] {
+                           s->place.use();
+                           for (const CudaPlace::Rows& panel : s->place.panels) {
+                             vectors(*s, transposed, panel.f, n, panel.rows, panel.first);
+                           }
+                           s->place.wait();
+                         },
+                         y_columns});
+  if (s->place.f_by_columns != 0) {
+    ready.calls.push_back({"F by columns",
+                           [s, n] {
+                             s->place.use();
+                             vectors(*s, as_is, s->place.f_by_columns, n, n, 0);
+                             s->place.wait();
+                           },
+                           y_columns});
+  }
+  return ready;
 }
 
 }  // namespace

@@ -75,6 +75,9 @@ void CudaPlace::upload_f() {
     const std::size_t bytes = std::size_t{panel.rows} * problem.f().stride() * sizeof(float);
     panels.push_back({panel.first, panel.rows, uploaded({panel.data->data(), bytes})});
   }
+  if (const float* f = problem.f_by_columns()) {
+    f_by_columns = uploaded(std::as_bytes(std::span(f, problem.n() * problem.f().stride())));
+  }
 }
 
 void CudaPlace::wait() const {

@@ -43,11 +43,12 @@ class CudaPlace {
     std::size_t first, rows;
     cuda::DevicePointer f;
   };
-  /// Uploads F by its panels.
+  /// Uploads F by its panels, and by columns.
   void upload_f();
 
   const Problem& problem;
-  std::vector<Rows> panels;  ///< after upload_f()
+  std::vector<Rows> panels;              ///< after upload_f()
+  cuda::DevicePointer f_by_columns = 0;  ///< the same, 0 where the problem has none
   cuda::DevicePointer x_by_columns = 0, x_by_rows = 0, y = 0;
 
  private:

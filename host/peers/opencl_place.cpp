@@ -35,6 +35,10 @@ OpenClPlace::OpenClPlace(const Problem& given, const std::string& device_id) : p
                       memory(CL_MEM_READ_ONLY | (in_place ? CL_MEM_USE_HOST_PTR : CL_MEM_COPY_HOST_PTR), bytes,
                              panel.data->data())});
   }
+  const std::size_t whole = problem.n() * problem.f().stride() * sizeof(float);
+  if (const float* f = whole <= largest ? problem.f_by_columns() : nullptr) {
+    f_by_columns = memory(CL_MEM_READ_ONLY | (in_place ? CL_MEM_USE_HOST_PTR : CL_MEM_COPY_HOST_PTR), whole, f);
+  }
   const std::size_t bytes = columns * problem.n() * sizeof(float);
   x_by_columns = memory(CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, bytes, problem.x_by_columns().data());
   x_by_rows = memory(CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, bytes, problem.x_by_rows().data());

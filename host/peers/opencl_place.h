@@ -28,6 +28,7 @@ class OpenClPlace {
   opencl::Context context;
   opencl::CommandQueue queue;
   std::vector<Rows> panels;
+  opencl::Memory f_by_columns;  ///< null where the problem has none or the device's largest buffer is too small
   opencl::Memory x_by_columns, x_by_rows, y;
 
   /// Returns when everything enqueued is done.

@@ -91,6 +91,11 @@ struct Peer {
 /// that |F x| is the magnitude of what is added); not a number when y holds such or has another shape.
 [[nodiscard]] double product_error(const FormFactorMatrix& f, const Columns& x, const Columns& y);
 
+/// What product_error() may be at most: the bound of our own matvec, and 6 √n u (u = 2^-24) for libraries that add a
+/// row up in one accumulator. No library promises an order of sums; 2.3 √n u was the most that was seen (CLBlast and
+/// ViennaCL's OpenCL kernels, n = 17,128), and the worst case, n u, would let a dropped column through.
+[[nodiscard]] double product_bound(std::size_t n);
+
 /// The index of "opencl:1" and the like; a usage Error where there is none.
 [[nodiscard]] std::size_t index_of(std::string_view id);
 

@@ -7,6 +7,7 @@
 
 #include "interflect/base/error.h"
 #include "interflect/base/timer.h"
+#include "interflect/device/check.h"
 #include "interflect/peers/peer.h"
 
 namespace interflect::peers {
@@ -91,6 +92,10 @@ double product_error(const FormFactorMatrix& f, const Columns& x, const Columns&
     }
   }
   return error;
+}
+
+double product_bound(std::size_t n) {
+  return matvec_bound(n) + 6 * std::sqrt(static_cast<double>(n)) * 0x1p-24;
 }
 
 std::size_t index_of(std::string_view id) {

@@ -40,11 +40,11 @@ struct Views {
   std::vector<std::unique_ptr<Vector>> xs;
 };
 
-void matrices(Views& views) {
-  for (Views::Rows& panel : views.panels) *panel.y = viennacl::linalg::prod(*panel.f, *views.x);
+void matrices(const Views& views) {
+  for (const Views::Rows& panel : views.panels) *panel.y = viennacl::linalg::prod(*panel.f, *views.x);
 }
-void vectors(Views& views) {
-  for (Views::Rows& panel : views.panels) {
+void vectors(const Views& views) {
+  for (const Views::Rows& panel : views.panels) {
     for (std::size_t c = 0; c < columns; ++c) *panel.ys[c] = viennacl::linalg::prod(*panel.f, *views.xs[c]);
   }
 }
@@ -86,19 +86,51 @@ Views views_on_host(const Problem& problem, std::vector<float>& y) {
   return views;
 }
 
-struct OnHost {
-  explicit OnHost(const Problem& problem) : y(columns * problem.n()), views(views_on_host(problem, y)) {}
-  std::vector<float> y;
+/// The same with all by columns.
+Views column_views_on_host(const Problem& problem, const float* f, std::vector<float>& y) {
+  const std::size_t n = problem.n(), stride = problem.f().stride();
   Views views;
+  auto* x = const_cast<float*>(problem.x_by_columns().data());
+  views.x = std::make_unique<Matrix>(x, here, n, 0, 1, n, columns, 0, 1, columns, false);
+  Views::Rows& all = views.panels.emplace_back();
+  all.f = std::make_unique<Matrix>(const_cast<float*>(f), here, n, 0, 1, stride, n, 0, 1, n, false);
+  all.y = std::make_unique<Matrix>(y.data(), here, n, 0, 1, n, columns, 0, 1, columns, false);
+  for (std::size_t c = 0; c < columns; ++c) {
+    views.xs.push_back(std::make_unique<Vector>(x, here, n, c * n, 1));
+    all.ys.push_back(std::make_unique<Vector>(y.data(), here, n, c * n, 1));
+  }
+  return views;
+}
+
+struct OnHost {
+  explicit OnHost(const Problem& problem) : y(columns * problem.n()), views(views_on_host(problem, y)) {
+    if (const float* f = problem.f_by_columns()) column_views = column_views_on_host(problem, f, y);
+  }
+  std::vector<float> y;
+  Views views, column_views;  ///< the second without panels where there is no F by columns
 };
+
+/// The calls of a place: `run` does them there, `y` gives its 3 n floats.
+template <class Run, class Y>
+std::vector<Call> calls_of(const Views& by_rows, const Views& by_columns, bool with_vectors, std::size_t n, Run run,
+                           Y y) {
+  std::vector<Call> calls;
+  const auto call = [&](const char* how, const Views& views, bool y_by_rows) {
+    calls.push_back({how,
+                     [run, &views, with_vectors] { run([&] { with_vectors ? vectors(views) : matrices(views); }); },
+                     [y, n, y_by_rows] { return y_by_rows ? from_rows(y(), n) : from_columns(y(), n); }});
+  };
+  call(with_vectors ? "F by rows" : "F and X by rows", by_rows, !with_vectors);
+  if (!by_columns.panels.empty()) call(with_vectors ? "F by columns" : "F and X by columns", by_columns, false);
+  return calls;
+}
 
 Ready on_host(const Problem& problem, bool with_vectors) {
   const auto s = std::make_shared<OnHost>(problem);
-  const std::size_t n = problem.n();
-  Call call{with_vectors ? "F by rows" : "F and X by rows",
-            [s, with_vectors] { translated("host", [&] { with_vectors ? vectors(s->views) : matrices(s->views); }); },
-            [s, n, with_vectors] { return with_vectors ? from_columns(s->y, n) : from_rows(s->y, n); }};
-  return {.about = fmt::format("ViennaCL, OpenMP, {} threads", problem.threads()), .calls = {std::move(call)}};
+  return {.about = fmt::format("ViennaCL, OpenMP, {} threads", problem.threads()),
+          .calls = calls_of(
+              s->views, s->column_views, with_vectors, problem.n(), [s](auto act) { translated("host", act); },
+              [s] { return s->y; })};
 }
 
 /// ViennaCL knows contexts by a number, and its objects belong to the one that is current when they are made.
@@ -122,30 +154,38 @@ struct OnOpenCl {
         made.ys.push_back(std::make_unique<Vector>(place.y.get(), panel.rows, c * n + panel.first, 1, in));
       }
     }
+    if (place.f_by_columns != nullptr) add_column_views(in);
+  }
+  void add_column_views(const viennacl::context& in) {
+    const std::size_t n = place.problem.n(), stride = place.problem.f().stride();
+    column_views.x = std::make_unique<Matrix>(place.x_by_columns.get(), in, n, 0, 1, n, columns, 0, 1, columns, false);
+    Views::Rows& all = column_views.panels.emplace_back();
+    all.f = std::make_unique<Matrix>(place.f_by_columns.get(), in, n, 0, 1, stride, n, 0, 1, n, false);
+    all.y = std::make_unique<Matrix>(place.y.get(), in, n, 0, 1, n, columns, 0, 1, columns, false);
+    for (std::size_t c = 0; c < columns; ++c) {
+      column_views.xs.push_back(std::make_unique<Vector>(place.x_by_columns.get(), n, c * n, 1, in));
+      all.ys.push_back(std::make_unique<Vector>(place.y.get(), n, c * n, 1, in));
+    }
   }
   void use() const { viennacl::ocl::switch_context(context); }
   OpenClPlace place;
   long context = 0;
-  Views views;
+  Views views, column_views;
 };
 
 Ready on_opencl(const Problem& problem, const std::string& id, bool with_vectors) {
   return translated(id, [&]() -> Ready {
     const auto s = std::make_shared<OnOpenCl>(problem, id);
-    const std::size_t n = problem.n();
-    Call call{with_vectors ? "F by rows" : "F and X by rows",
-              [s, with_vectors, id] {
-                translated(id, [&] {
-                  s->use();
-                  with_vectors ? vectors(s->views) : matrices(s->views);
-                  s->place.wait();
-                });
-              },
-              [s, n, with_vectors] {
-                const std::vector<float> y = s->place.download();
-                return with_vectors ? from_columns(y, n) : from_rows(y, n);
-              }};
-    return {.about = "ViennaCL, its own choice for this device", .calls = {std::move(call)}};
+    const auto run = [s, id](auto act) {
+      translated(id, [&] {
+        s->use();
+        act();
+        s->place.wait();
+      });
+    };
+    return {.about = "ViennaCL, its own choice for this device",
+            .calls = calls_of(s->views, s->column_views, with_vectors, problem.n(), run,
+                              [s] { return s->place.download(); })};
   });
 }
 

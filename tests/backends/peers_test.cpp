@@ -3,7 +3,6 @@
 
 #include "devices.h"
 #include "interflect/base/error.h"
-#include "interflect/device/check.h"
 #include "interflect/peers/peer.h"
 
 namespace interflect::test {
@@ -37,7 +36,7 @@ TEST(OpenClPeers, GiveTheProductOrSayWhyNot) {
         const peers::Ready ready = peer.prepare(problem);
         for (const peers::Call& call : ready.calls) {
           call.run();
-          EXPECT_LE(peers::product_error(f, x, call.result()), matvec_bound(n))
+          EXPECT_LE(peers::product_error(f, x, call.result()), peers::product_bound(n))
               << peer.device << ' ' << peer.name << ", n = " << n << ", " << call.how;
         }
       } catch (const Error& error) {
