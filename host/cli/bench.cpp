@@ -18,7 +18,7 @@ namespace interflect::cli {
 namespace {
 
 struct Options {
-  bool study = false;
+  bool study = false, peers = false;
   std::string device = "auto";
   std::string scenes;
   std::vector<unsigned> rooms;
@@ -53,15 +53,19 @@ nlohmann::ordered_json header(const std::vector<DeviceInfo>& infos, unsigned rep
            "median, minimum and maximum; devices take turns pass by pass, ratios are the median of those of a pass"}};
 }
 
+void write_json(const std::string& path, const nlohmann::ordered_json& value) {
+  AtomicFile file(path);
+  file.write(dump(value));
+  file.commit();
+}
+
 void write_files(const Options& options, const nlohmann::ordered_json& head, const std::vector<BenchRow>& rows) {
   if (!options.json.empty()) {
     nlohmann::ordered_json out;
     out["header"] = head;
     out["rows"] = nlohmann::ordered_json::array();
     for (const BenchRow& row : rows) out["rows"].push_back(to_json(row));
-    AtomicFile file(options.json);
-    file.write(dump(out));
-    file.commit();
+    write_json(options.json, out);
   }
   if (!options.csv.empty()) {
     AtomicFile file(options.csv);
@@ -83,9 +87,15 @@ int run(const Options& options) {
   for (const std::string& id : ids) infos.push_back(info_of(id, ids.size() == 1));
   const std::string folder = scenes_folder(options.scenes);
   if (options.study) {
-    const StudyTable table = study_table(folder, ids.front(), std::max(1U, options.repetitions / 3), console);
-    fmt::print("{}", table.text);
-    return table.verified ? 0 : exit_status(ErrorKind::device);
+    const unsigned passes = std::max(1U, options.repetitions / 3);
+    const StudyTables tables = study_tables(folder, ids.front(), passes, options.rooms, console);
+    fmt::print("{}", tables.text);
+    if (!options.json.empty()) {
+      nlohmann::ordered_json out = {{"header", header(infos, passes)}};
+      out.update(tables.data);
+      write_json(options.json, out);
+    }
+    return tables.verified ? 0 : exit_status(ErrorKind::device);
   }
   const auto head = header(infos, options.repetitions);
   for (const DeviceInfo& info : infos) {
@@ -102,7 +112,7 @@ int run(const Options& options) {
   for (const Room& room : study_rooms()) {
     const bool wanted = options.rooms.empty() ||
                         std::find(options.rooms.begin(), options.rooms.end(), room.patches) != options.rooms.end();
-    if (wanted) add(bench_room(folder, room, ids, options.repetitions, console));
+    if (wanted) add(bench_room(folder, room, ids, options.repetitions, options.peers, console));
   }
   write_files(options, head, rows);
   const bool failed = std::any_of(rows.begin(), rows.end(), [](const BenchRow& row) { return row.status == "fail"; });
@@ -114,15 +124,18 @@ int run(const Options& options) {
 void add_bench(CLI::App& program, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App& command = *program.add_subcommand("bench", "measure a device: bandwidth, products, solves, each verified");
-  auto* study =
-      command.add_flag("--study", options->study, "print the 2014 study's first table with our figures beside");
+  auto* study = command.add_flag("--study", options->study, "print the 2014 study's tables with our figures beside");
   command.add_option("--device", options->device, "device id, or several between commas: they take turns pass by pass")
       ->capture_default_str();
+  command
+      .add_flag("--peers", options->peers,
+                "time OpenBLAS, Eigen, ViennaCL, CLBlast, cuBLAS and cuSPARSE, as far as they are there, on the same "
+                "products")
+      ->excludes(study);
   command.add_option("--scenes", options->scenes, "folder with the rooms");
   command.add_option("--room", options->rooms, "only the room with so many patches (may be given several times)")
-      ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}))
-      ->excludes(study);
-  command.add_option("--json", options->json, "write the rows as JSON")->check(file_name())->excludes(study);
+      ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}));
+  command.add_option("--json", options->json, "write the rows as JSON")->check(file_name());
   command.add_option("--csv", options->csv, "write the rows as CSV")->check(file_name())->excludes(study);
   command.add_option("--repetitions", options->repetitions, "timed passes of each")
       ->check(number(0U, 1000U))

@@ -1,3 +1,5 @@
+#include <omp.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,6 +9,7 @@
 #include <optional>
 #include <utility>
 
+#include "bench_peers.h"
 #include "bench_rows.h"
 #include "interflect/base/error.h"
 #include "interflect/base/timer.h"
@@ -124,9 +127,16 @@ Timed solving(const SharedPlace& place, const Loaded& room, Method method) {
               }};
 }
 
-/// Read and matvec of each device, in turn; the ratios are of the same passes.
+void add_room_peers(std::vector<Measurement>& all, const std::vector<std::pair<BenchRow, SharedPlace>>& places,
+                    const FormFactorMatrix& matrix, const std::vector<peers::Peer>& peers) {
+  add_peers(all, places.front().first, peers,
+            std::make_shared<peers::Problem>(matrix, test_vector(matrix.size()), ::omp_get_max_threads()));
+}
+
+/// Read and matvec of each device, in turn, and the peers between them; the ratios are of the same passes.
 std::vector<BenchRow> products(const std::vector<std::pair<BenchRow, SharedPlace>>& places, const Loaded& room,
-                               unsigned repetitions, const SharedPlace& machine) {
+                               unsigned repetitions, const SharedPlace& machine,
+                               const std::vector<peers::Peer>& peers) {
   const FormFactorMatrix& matrix = room.factors.matrix;
   std::vector<Measurement> all;
   for (const auto& entry : places) {
@@ -147,6 +157,7 @@ std::vector<BenchRow> products(const std::vector<std::pair<BenchRow, SharedPlace
     add(
         all, row, [&] { return reading(machine, room.sum); }, false);
   }
+  if (!peers.empty()) add_room_peers(all, places, matrix, peers);
   measure(all, repetitions);
 
   const auto cpu = [&](const std::string& id) {
@@ -161,7 +172,11 @@ std::vector<BenchRow> products(const std::vector<std::pair<BenchRow, SharedPlace
     if (!one.shown) continue;
     const Measurement* read = find(all, one.row.device, "read");
     if (one.row.what == "matvec" && read != nullptr) one.row.a_ratio = median_ratio(*read, one);
-    if (reference != nullptr && cpu(one.row.device) && !one.seconds.empty()) {
+    if (one.row.what.starts_with("peer:")) {
+      if (read == nullptr) read = reference;  // on the host
+      if (read != nullptr) one.row.a_ratio = median_ratio(*read, one);
+    }
+    if (reference != nullptr && (cpu(one.row.device) || one.row.device == "host") && !one.seconds.empty()) {
       one.row.machine_ratio = median_ratio(*reference, one);
     }
     rows.push_back(one.row);
@@ -201,7 +216,7 @@ Loaded load_room(const std::string& folder, const Room& room, ProgressSink& prog
 }  // namespace
 
 std::vector<BenchRow> bench_room(const std::string& folder, const Room& room, const std::vector<std::string>& devices,
-                                 unsigned repetitions, ProgressSink& progress) {
+                                 unsigned repetitions, bool with_peers, ProgressSink& progress) {
   const Loaded loaded = load_room(folder, room, progress);
   const FormFactorMatrix& matrix = loaded.factors.matrix;
   std::vector<BenchRow> rows;
@@ -230,9 +245,11 @@ std::vector<BenchRow> bench_room(const std::string& folder, const Room& room, co
     has_openmp = has_openmp || id == "openmp";
   }
   // What the machine's memory gives in the same seconds: F is shared, so that it costs none.
-  const SharedPlace machine = any_cpu && !has_openmp ? std::make_shared<Placed>("openmp", matrix) : nullptr;
+  const SharedPlace machine =
+      (any_cpu || with_peers) && !has_openmp ? std::make_shared<Placed>("openmp", matrix) : nullptr;
   const auto append = [&](const std::vector<BenchRow>& more) { rows.insert(rows.end(), more.begin(), more.end()); };
-  append(products(places, loaded, repetitions, machine));
+  const auto peers = with_peers && !places.empty() ? peers::all_peers(devices) : std::vector<peers::Peer>{};
+  append(products(places, loaded, repetitions, machine, peers));
   append(solves(places, loaded, std::max(1U, repetitions / 3)));
   return rows;
 }

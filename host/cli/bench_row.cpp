@@ -58,7 +58,7 @@ std::string to_csv(const BenchRow& row) {
 }
 
 std::string text_header() {
-  return fmt::format("{:<10} {:<15} {:<11} {:>7} {:>11} {:>23} {:>8} {:>5} {:>5} {:>4}  {:<18} {}\n", "device", "what",
+  return fmt::format("{:<10} {:<19} {:<11} {:>7} {:>11} {:>23} {:>8} {:>5} {:>5} {:>4}  {:<18} {}\n", "device", "what",
                      "scene", "n", "seconds", "min .. max", "GB/s", "of A", "of M", "prod", "error of bound", "status");
 }
 
@@ -70,7 +70,7 @@ std::string to_text(const BenchRow& row) {
   const std::string times =
       row.seconds > 0 ? fmt::format("{:>11.7f} {:>10.7f} ..{:>10.7f}", row.seconds, row.seconds_min, row.seconds_max)
                       : std::string(35, ' ');
-  return fmt::format("{:<10} {:<15} {:<11} {:>7} {:<35} {:>8} {:>5} {:>5} {:>4}  {:<18} {}{}{}\n", row.device, row.what,
+  return fmt::format("{:<10} {:<19} {:<11} {:>7} {:<35} {:>8} {:>5} {:>5} {:>4}  {:<18} {}{}{}\n", row.device, row.what,
                      row.scene, row.n > 0 ? fmt::format("{}", row.n) : "", times, rate, ratio(row.a_ratio),
                      ratio(row.machine_ratio.value_or(0)), products, error, row.status, row.reason.empty() ? "" : ": ",
                      row.reason);

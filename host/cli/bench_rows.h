@@ -14,9 +14,10 @@ namespace interflect::cli {
 [[nodiscard]] std::vector<BenchRow> bench_devices(const std::vector<std::string>& devices, unsigned repetitions);
 
 /// Rows for one room on every device in turn: the read bandwidth over its matrix and the matvec, then a solve per
-/// method. F is placed once on each device.
+/// method. F is placed once on each device. With `with_peers` other people's libraries do the product in the same
+/// passes (bench_peers.h).
 [[nodiscard]] std::vector<BenchRow> bench_room(const std::string& folder, const Room& room,
                                                const std::vector<std::string>& devices, unsigned repetitions,
-                                               ProgressSink& progress);
+                                               bool with_peers, ProgressSink& progress);
 
 }  // namespace interflect::cli
