@@ -8,6 +8,10 @@
 
 #include "interflect/base/error.h"
 #include "interflect/base/timer.h"
+#include "interflect/formfactor/packed_matrix.h"
+#include "interflect/formfactor/patch_order.h"
+#include "interflect/schedule/storage_choice.h"
+#include "interflect/solver/rounding.h"
 #include "validators.h"
 
 namespace interflect::cli {
@@ -119,14 +123,60 @@ Light light_of(const PatchMesh& mesh) {
   return light;
 }
 
-Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Method method,
-                   const StopTest& stop, ProgressSink* progress) {
+namespace {
+
+Solved solved_of(FallbackReport done, const Columns& radiosity, StorageUse storage) {
+  return {by_patch(radiosity),      std::move(done.report), std::move(done.devices),
+          std::move(done.failures), done.upload_seconds,    storage};
+}
+
+Solved solve_dense(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Method method,
+                   const StopTest& stop, ProgressSink& progress) {
   const Light light = light_of(mesh);
   Columns radiosity;
   FallbackReport done =
-      solve_on(candidates, matrix, method, stop, mesh.area, light.reflectance, light.emittance, radiosity, progress);
-  return {by_patch(radiosity), std::move(done.report), std::move(done.devices), std::move(done.failures),
-          done.upload_seconds};
+      solve_on(candidates, matrix, method, stop, mesh.area, light.reflectance, light.emittance, radiosity, &progress);
+  return solved_of(std::move(done), radiosity, {Storage::dense32, matrix.bytes(), matrix.nonzero_fraction()});
+}
+
+Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Storage storage,
+                    Method method, const StopTest& stop, ProgressSink& progress) {
+  const Timer packing;
+  PackedMatrix::Options options;
+  if (storage != Storage::dense16) options.order = patch_order(mesh, matrix);
+  const PackedMatrix packed(matrix, mesh.area, storage, std::move(options));
+  StorageUse use{storage, packed.bytes(), packed.nonzero_fraction(), {}, packing.seconds()};
+  const Light light = light_of(mesh);
+  const Place place = [&](std::unique_ptr<Device> device) {
+    std::vector<std::unique_ptr<Device>> devices;
+    devices.push_back(std::move(device));
+    return std::make_unique<Scheduler>(packed, std::move(devices), static_cast<std::uint32_t>(channels));
+  };
+  Columns radiosity;
+  const auto measure = [&](Scheduler& scheduler) {
+    use.rounding_error = rounding_error(scheduler, matrix, mesh.area, light.reflectance, light.emittance, radiosity);
+  };
+  // A fixed number of iterations asks for that many bounces, not for a solution that could be judged.
+  FallbackReport done = solve_on(candidates, place, method, stop, mesh.area, light.reflectance, light.emittance,
+                                 radiosity, &progress, 1.0, stop.iterations ? nullptr : std::function(measure));
+  return solved_of(std::move(done), radiosity, use);
+}
+
+}  // namespace
+
+Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
+                   std::optional<Storage> storage, Method method, const StopTest& stop, ProgressSink& progress) {
+  const Storage format = storage ? *storage : choose_storage(matrix.size(), candidates.info());
+  if (format == Storage::dense32) return solve_dense(matrix, mesh, candidates, method, stop, progress);
+  Solved solved = solve_packed(matrix, mesh, candidates, format, method, stop, progress);
+  const std::optional<double> error = solved.storage.rounding_error;
+  if (!error || *error <= largest_rounding_error || !solved.report.converged)
+    return solved;  // true for a good one only
+  progress.message(
+      fmt::format("warning: {} is refused: its rounding moves a radiosity by {:.1e} of the largest, {:.0e} is allowed; "
+                  "solving with dense32",
+                  name(format), *error, largest_rounding_error));
+  return solve_dense(matrix, mesh, candidates, method, stop, progress);
 }
 
 Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop) {
@@ -136,6 +186,8 @@ Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, 
   solved.report = solve(scheduler, method, stop, mesh.area, light.reflectance, light.emittance, radiosity);
   solved.radiosity = by_patch(radiosity);
   solved.devices = scheduler.device_ids();
+  solved.storage.format = scheduler.storage();
+  solved.storage.bytes = scheduler.bytes();
   return solved;
 }
 

@@ -49,6 +49,15 @@ struct Light {
 };
 [[nodiscard]] Light light_of(const PatchMesh& mesh);
 
+/// How F was stored for a solve.
+struct StorageUse {
+  Storage format = Storage::dense32;
+  std::uint64_t bytes = 0;
+  double nonzero_fraction = 0;                ///< of the n² elements
+  std::optional<double> rounding_error = {};  ///< of the radiosities, see rounding_error(); none for dense32
+  double pack_seconds = 0;                    ///< order of the patches and packing
+};
+
 /// Radiosity and what it took.
 struct Solved {
   std::vector<Rgb> radiosity;
@@ -56,10 +65,14 @@ struct Solved {
   std::vector<std::string> devices;  ///< that did the work
   std::vector<DeviceFailure> failures;
   double upload_seconds = 0;
+  StorageUse storage = {};
 };
-/// On the first candidate, and on the next ones when it fails.
+/// On the first candidate, and on the next ones when it fails, with F in the storage format, or, without one, in that
+/// of choose_storage(). A 16-bit format whose rounding moves a radiosity by more than largest_rounding_error is refused
+/// with a warning, and dense32 takes its place.
 [[nodiscard]] Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
-                                 Method method, const StopTest& stop, ProgressSink* progress);
+                                 std::optional<Storage> storage, Method method, const StopTest& stop,
+                                 ProgressSink& progress);
 /// Where F has been placed already.
 [[nodiscard]] Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop);
 

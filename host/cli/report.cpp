@@ -88,9 +88,12 @@ ordered_json to_json(const SolveSummary& summary) {
   }
   const CompileStatistics kernels = compile_statistics();
   out["kernels"] = {{"compiled", kernels.compiled}, {"from_cache", kernels.from_cache}};
-  out["storage"] = {{"format", std::string(name(factors.matrix.storage()))},
-                    {"bytes", factors.matrix.bytes()},
-                    {"nonzero_fraction", summary.nonzero_fraction}};
+  const StorageUse& storage = summary.solved->storage;
+  out["storage"] = {{"format", std::string(name(storage.format))},
+                    {"bytes", storage.bytes},
+                    {"nonzero_fraction", storage.nonzero_fraction},
+                    {"rounding_error", storage.rounding_error ? nlohmann::ordered_json(*storage.rounding_error)
+                                                              : nlohmann::ordered_json(nullptr)}};
   out["seconds"] = {{"read", loaded.read_seconds},
                     {"mesh", loaded.mesh_seconds},
                     {"form_factors", factors.report.seconds},
@@ -128,13 +131,24 @@ std::string closure_text(const AssemblyReport& report) {
   return out;
 }
 
+std::string rounding_text(const StorageUse& storage) {
+  if (storage.format == Storage::dense32) return "";
+  const std::string packed = fmt::format(", packed in {:.2f} s", storage.pack_seconds);
+  if (!storage.rounding_error) return packed + ", the error of its rounding was not measured";
+  return packed +
+         fmt::format(", its rounding moves a radiosity by at most {:.1e} of the largest", *storage.rounding_error);
+}
+
 std::string to_text(const SolveSummary& summary) {
   const MeshedScene& loaded = *summary.loaded;
   const SolveReport& report = summary.solved->report;
   std::string out = fmt::format("scene          {}: {} triangles, {} patches (--divide {:.6g})\n", loaded.scene.file,
                                 loaded.scene.triangles.size(), loaded.mesh.size(), loaded.divide);
-  out += fmt::format("form factors   {:.2f} s, {:.0f} MiB, {:.1f} % non-zero\n", summary.factors->report.seconds,
-                     static_cast<double>(summary.factors->matrix.bytes()) / (1 << 20), 100 * summary.nonzero_fraction);
+  const StorageUse& storage = summary.solved->storage;
+  out += fmt::format("form factors   {:.2f} s, {:.1f} % non-zero\n", summary.factors->report.seconds,
+                     100 * storage.nonzero_fraction);
+  out += fmt::format("storage        {}, {:.1f} MiB{}\n", name(storage.format),
+                     static_cast<double>(storage.bytes) / (1 << 20), rounding_text(storage));
   out += closure_text(summary.factors->report);
   out += fmt::format("solve          {} on {}: {}, {} iterations, {} products, {:.3f} s\n", name(summary.method),
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,

@@ -16,7 +16,6 @@ struct SolveSummary {
   Method method = Method::cg;
   StopTest stop;
   Energy energy;
-  double nonzero_fraction = 0;  ///< of F: counting is a pass over the whole matrix
   double write_seconds = 0, total_seconds = 0;
 };
 
@@ -24,6 +23,9 @@ struct SolveSummary {
 [[nodiscard]] nlohmann::ordered_json to_json(const SolveSummary& summary);
 /// The same in a dozen lines.
 [[nodiscard]] std::string to_text(const SolveSummary& summary);
+
+/// What packing took and its rounding costs, as the end of a line; nothing for dense32.
+[[nodiscard]] std::string rounding_text(const StorageUse& storage);
 
 /// Row sums, closure, set-aside patches: the part of the report that `formfactors` prints as well.
 [[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded);

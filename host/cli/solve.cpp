@@ -12,6 +12,7 @@
 #include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
 #include "interflect/device/registry.h"
+#include "interflect/schedule/storage_choice.h"
 #include "parse.h"
 #include "pipeline.h"
 #include "report.h"
@@ -160,10 +161,10 @@ int run(const Options& options) {
   check_inputs_stay(options, loaded.scene);
   const FormFactors factors = assemble_checked(loaded, options.scene, console);
   const Method method = method_of(options.method);
-  const Solved solved = solve_scene(factors.matrix, loaded.mesh, candidates, method, options.stop, &console);
+  const Solved solved =
+      solve_scene(factors.matrix, loaded.mesh, candidates, storage_of(options.storage), method, options.stop, console);
 
-  SolveSummary summary{&loaded, &factors, &solved, method, options.stop, {}, 0, 0, 0};
-  summary.nonzero_fraction = factors.matrix.nonzero_fraction();
+  SolveSummary summary{&loaded, &factors, &solved, method, options.stop, {}, 0, 0};
   summary.energy = energy_balance(factors.matrix, loaded.mesh, solved.radiosity, factors.report.row_sum);
   const Timer writing;
   write_outputs(options, summary, console);
@@ -213,8 +214,9 @@ void add_solve(CLI::App& program, Action& action) {
   command.add_option("--iterations", options->stop.iterations, "exactly so many iterations, whatever the residual")
       ->check(count(10'000'000))
       ->excludes(most);
-  command.add_option("--storage", options->storage, "storage of the form factors: auto, dense32")
-      ->check(CLI::IsMember({"auto", "dense32"}))
+  command
+      .add_option("--storage", options->storage, "storage of the form factors: auto, dense32, dense16, tiled16, sym16")
+      ->check(CLI::IsMember({"auto", "dense32", "dense16", "tiled16", "sym16"}))
       ->capture_default_str();
   auto* camera =
       command.add_option("--camera", options->camera, "EX,EY,EZ,TX,TY,TZ[,FOV]: eye, target, vertical degrees");

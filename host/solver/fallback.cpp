@@ -45,23 +45,29 @@ void Candidates::give_up(const Error& error) {
   progress_->message(fmt::format("warning: {}; going on with {}", reason.substr(0, reason.find('\n')), ids_[at_]));
 }
 
-FallbackReport solve_on(Candidates& candidates, const FormFactorMatrix& form_factors, Method method,
-                        const StopTest& stop, std::span<const double> area, const Columns& reflectance,
-                        const Columns& emittance, Columns& radiosity, ProgressSink* progress, double interval) {
+const DeviceInfo& Candidates::info() {
+  open();
+  return device_->info();
+}
+
+FallbackReport solve_on(Candidates& candidates, const Place& place, Method method, const StopTest& stop,
+                        std::span<const double> area, const Columns& reflectance, const Columns& emittance,
+                        Columns& radiosity, ProgressSink* progress, double interval,
+                        const std::function<void(Scheduler&)>& after) {
   FallbackReport result;
   Checkpoint checkpoint;
   checkpoint.interval = interval;
+  std::unique_ptr<Scheduler> scheduler;
   for (bool done = false; !done;) {
     const std::uint32_t before = checkpoint.kept_iterations;
     candidates.open();
     const std::string id = candidates.id();
     try {
       const Timer timer;
-      std::vector<std::unique_ptr<Device>> devices;
-      devices.push_back(candidates.take());
-      Scheduler scheduler(form_factors, std::move(devices), static_cast<std::uint32_t>(emittance.size()));
-      result.upload_seconds += timer.seconds() - scheduler.compile_seconds();
-      result.report = solve(scheduler, method, stop, area, reflectance, emittance, radiosity, progress, &checkpoint);
+      scheduler.reset();
+      scheduler = place(candidates.take());
+      result.upload_seconds += timer.seconds() - scheduler->compile_seconds();
+      result.report = solve(*scheduler, method, stop, area, reflectance, emittance, radiosity, progress, &checkpoint);
       done = true;
     } catch (const Error& error) {
       candidates.give_up(error);
@@ -69,7 +75,19 @@ FallbackReport solve_on(Candidates& candidates, const FormFactorMatrix& form_fac
     if (done || checkpoint.kept_iterations > before) result.devices.push_back(id);
   }
   result.failures = candidates.failures();
+  if (after) after(*scheduler);
   return result;
+}
+
+FallbackReport solve_on(Candidates& candidates, const FormFactorMatrix& form_factors, Method method,
+                        const StopTest& stop, std::span<const double> area, const Columns& reflectance,
+                        const Columns& emittance, Columns& radiosity, ProgressSink* progress, double interval) {
+  const Place place = [&](std::unique_ptr<Device> device) {
+    std::vector<std::unique_ptr<Device>> devices;
+    devices.push_back(std::move(device));
+    return std::make_unique<Scheduler>(form_factors, std::move(devices), static_cast<std::uint32_t>(emittance.size()));
+  };
+  return solve_on(candidates, place, method, stop, area, reflectance, emittance, radiosity, progress, interval);
 }
 
 }  // namespace interflect

@@ -37,6 +37,9 @@ class Candidates {
   /// when it is of a kind that no other device can help with: only a device's own and its limits are.
   void give_up(const Error& error);
 
+  /// What is known of the device that is open, opened if need be.
+  [[nodiscard]] const DeviceInfo& info();
+
   [[nodiscard]] const std::string& id() const {
     return ids_.at(at_);
   }  ///< of the device that is open or was taken last
@@ -59,10 +62,19 @@ struct FallbackReport {
   double upload_seconds = 0;  ///< placing F, on every device that was tried
 };
 
+/// Makes a Scheduler of a device: places F, in whatever format, and throws what the Scheduler's constructor throws.
+using Place = std::function<std::unique_ptr<Scheduler>(std::unique_ptr<Device>)>;
+
 /// solve() on the first candidate; when that device fails (lost, out of memory, a kernel that does not compile) or one
 /// of its limits is in the way, on the next one, from the last good iterate: the b of the last finished pass or a
 /// checkpoint, taken every `interval` seconds of iterating. Throws what solve() throws, and the last candidate's Error
-/// when none is left; radiosity is untouched then.
+/// when none is left; radiosity is untouched then. `after`, when given, is called with the Scheduler on which the solve
+/// ended well; what it throws is thrown.
+[[nodiscard]] FallbackReport solve_on(Candidates& candidates, const Place& place, Method method, const StopTest& stop,
+                                      std::span<const double> area, const Columns& reflectance,
+                                      const Columns& emittance, Columns& radiosity, ProgressSink* progress = nullptr,
+                                      double interval = 1.0, const std::function<void(Scheduler&)>& after = {});
+/// The same with F as it is, in dense32.
 [[nodiscard]] FallbackReport solve_on(Candidates& candidates, const FormFactorMatrix& form_factors, Method method,
                                       const StopTest& stop, std::span<const double> area, const Columns& reflectance,
                                       const Columns& emittance, Columns& radiosity, ProgressSink* progress = nullptr,

@@ -29,7 +29,7 @@ struct SolveReport {
   std::uint32_t iterations = 0;
   std::uint32_t products = 0;             ///< applications of F, the final residual's included
   std::vector<double> relative_residual;  ///< one per column, recomputed from b in double
-  double seconds = 0;  ///< without what kernels took to compile or load (Scheduler::compile_seconds)
+  double seconds = 0;                     ///< without what kernels took to compile or load (Scheduler::compile_seconds)
   std::uint32_t passes = 0;    ///< single-precision solves; each after the first corrects the last one's residual
   std::uint32_t restarts = 0;  ///< BiCGSTAB's after a breakdown, all columns together
   std::string reason;          ///< one line saying why not, when not converged

@@ -1,0 +1,38 @@
+#include "interflect/schedule/storage_choice.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "interflect/base/error.h"
+#include "interflect/base/memory.h"
+#include "interflect/formfactor/form_factor_matrix.h"
+
+namespace interflect {
+
+namespace {
+
+constexpr std::uint32_t beyond_caches = 4096;         // patches: 64 MiB of dense32
+constexpr std::uint64_t vector_bytes_of_patch = 256;  // 16 vectors of 3 columns, and some
+
+}  // namespace
+
+std::optional<Storage> storage_of(std::string_view text) {
+  if (text == "auto") return std::nullopt;
+  for (const Storage storage : {Storage::dense32, Storage::dense16, Storage::tiled16, Storage::sym16}) {
+    if (text == name(storage)) return storage;
+  }
+  throw Error(ErrorKind::usage, fmt::format("storage '{}' is none of auto, dense32, dense16, tiled16, sym16", text));
+}
+
+Storage choose_storage(std::uint32_t n, const DeviceInfo& device) {
+  const bool in_place = device.type == DeviceType::cpu && !device.emulated();
+  std::uint64_t available = device.memory_bytes;  // 0: not known
+  if (device.type == DeviceType::cpu && available != 0) available = std::min(available, available_memory());
+  const std::uint64_t needed =
+      (in_place ? 0 : FormFactorMatrix::predicted_bytes(n)) + std::uint64_t{n} * vector_bytes_of_patch;
+  if (available != 0 && needed > available) return Storage::sym16;
+  return device.emulated() && n >= beyond_caches ? Storage::sym16 : Storage::dense32;
+}
+
+}  // namespace interflect
