@@ -1,0 +1,115 @@
+// What the kernels of the 16-bit formats share: tiles of 8 rows x 16 columns of halves, row-major, 256 bytes.
+
+#define TILE_ROWS 8U
+#define TILE_COLUMNS 16U
+#define TILE 128U  // halves of a tile
+#define CHUNK 3    // columns of x in registers at once
+#define CHUNKS ((COLUMNS + CHUNK - 1) / CHUNK)
+#define LEFT_OVER (COLUMNS % CHUNK)
+#define INLINE __attribute__((always_inline))
+
+#ifdef FP_FAST_FMAF
+#define FMA(a, b, c) fma(a, b, c)
+#else
+#define FMA(a, b, c) ((a) * (b) + (c))
+#endif
+
+/// The columns of a chunk; `columns` is a constant once the function is inlined, the loop's end must be one before.
+#define EACH_COLUMN(c) _Pragma("unroll") for (uint c = 0; c < CHUNK; ++c) if (c < columns)
+#define EACH(i, count) _Pragma("unroll") for (uint i = 0; i < (count); ++i)
+
+#if WORKGROUP == 1
+
+// Processors: a tile's row is PIECES vectors; STRIP rows by CHUNK columns of accumulators, the vectors of x and one of
+// halves fill 32 or 16 registers.
+#if WIDTH == 16
+#define STRIP 8U
+typedef float16 vector;
+typedef float8 strip;
+#define LOAD(p) vload16(0, p)
+#define STORE(v, p) vstore16(v, 0, p)
+#define HALVES(p) vload_half16(0, p)
+#define LOAD_STRIP(p) vload8(0, p)
+#define STORE_STRIP(v, p) vstore8(v, 0, p)
+#else
+#define STRIP 4U
+typedef float4 strip;
+#define LOAD_STRIP(p) vload4(0, p)
+#define STORE_STRIP(v, p) vstore4(v, 0, p)
+#if WIDTH == 8
+typedef float8 vector;
+#define LOAD(p) vload8(0, p)
+#define STORE(v, p) vstore8(v, 0, p)
+#define HALVES(p) vload_half8(0, p)
+#else
+typedef float4 vector;
+#define LOAD(p) vload4(0, p)
+#define STORE(v, p) vstore4(v, 0, p)
+#define HALVES(p) vload_half4(0, p)
+#endif
+#endif
+#define PIECES (TILE_COLUMNS / WIDTH)
+
+/// Fetches tiles 4 KiB ahead, past the pages at whose ends processors stop by themselves. Harmless behind the end.
+#if defined(__clang__) && __has_builtin(__builtin_prefetch)
+#define FETCH_AHEAD(tile)                                                             \
+  EACH(line, TILE / 32) {                                                             \
+    __builtin_prefetch((const private void*)((size_t)((tile) + line * 32 + 2048)), 0, 0); \
+  }
+#else
+#define FETCH_AHEAD(tile)
+#endif
+
+/// The sums over the lanes of a strip's vectors, in a tree; v[q * CHUNK] is row q's.
+strip row_sums(const vector* v) {
+#if WIDTH == 16
+  float16 two[4];
+  EACH(k, 4) {
+    const float16 a = v[2 * k * CHUNK], b = v[(2 * k + 1) * CHUNK];
+    two[k] = (float16)(a.lo, b.lo) + (float16)(a.hi, b.hi);
+  }
+  float16 four[2];
+  EACH(k, 2) {
+    const float16 a = two[2 * k], b = two[2 * k + 1];
+    four[k] = (float16)(a.s0123, a.s89ab, b.s0123, b.s89ab) + (float16)(a.s4567, a.scdef, b.s4567, b.scdef);
+  }
+  const float16 a = four[0], b = four[1];
+  const float16 eight = (float16)(a.s01, a.s45, a.s89, a.scd, b.s01, b.s45, b.s89, b.scd) +
+                        (float16)(a.s23, a.s67, a.sab, a.sef, b.s23, b.s67, b.sab, b.sef);
+  return eight.even + eight.odd;
+#elif WIDTH == 8
+  float8 two[2];
+  EACH(k, 2) {
+    const float8 a = v[2 * k * CHUNK], b = v[(2 * k + 1) * CHUNK];
+    two[k] = (float8)(a.lo, b.lo) + (float8)(a.hi, b.hi);
+  }
+  const float8 a = two[0], b = two[1];
+  const float8 four = (float8)(a.s01, a.s45, b.s01, b.s45) + (float8)(a.s23, a.s67, b.s23, b.s67);
+  return four.even + four.odd;
+#else
+  const float4 a = (float4)(v[0].lo, v[CHUNK].lo) + (float4)(v[0].hi, v[CHUNK].hi);
+  const float4 b = (float4)(v[2 * CHUNK].lo, v[3 * CHUNK].lo) + (float4)(v[2 * CHUNK].hi, v[3 * CHUNK].hi);
+  return (float4)(a.even, b.even) + (float4)(a.odd, b.odd);
+#endif
+}
+
+#else
+
+/// Eight halves, loaded as one of 16 bytes, as fp32.
+INLINE float8 floats_of(uint4 halves) {
+  return vload_half8(0, (const private half*)&halves);
+}
+
+/// sum + h x
+INLINE float dot_of(float8 h, float8 x, float sum) {
+  sum = FMA(h.s0, x.s0, sum);
+  sum = FMA(h.s1, x.s1, sum);
+  sum = FMA(h.s2, x.s2, sum);
+  sum = FMA(h.s3, x.s3, sum);
+  sum = FMA(h.s4, x.s4, sum);
+  sum = FMA(h.s5, x.s5, sum);
+  sum = FMA(h.s6, x.s6, sum);
+  return FMA(h.s7, x.s7, sum);
+}
+
+#endif
