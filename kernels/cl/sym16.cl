@@ -61,7 +61,7 @@ INLINE void add_strip(const SymmetricArguments a, global const half* tile, globa
     EACH(piece, PIECES) {
       const uint j = column[k] * TILE_COLUMNS + piece * WIDTH;
       vector xj[CHUNK], down[CHUNK];
-      EACH_COLUMN(c) xj[c] = LOAD(x_columns + (size_t)c * a.vector_stride + j);
+      EACH_COLUMN(c) xj[c] = VECTOR(x_columns + (size_t)c * a.vector_stride + j);
       EACH(q, STRIP) {
         const vector h = HALVES(tile + q * TILE_COLUMNS + piece * WIDTH);
         EACH_COLUMN(c) {
@@ -69,10 +69,10 @@ INLINE void add_strip(const SymmetricArguments a, global const half* tile, globa
           down[c] = q == 0 ? h * x[q][c] : FMA(h, (vector)x[q][c], down[c]);
         }
       }
-      EACH_COLUMN(c) STORE(LOAD(columns_out + c * BLOCK + j) + down[c], columns_out + c * BLOCK + j);
+      EACH_COLUMN(c) VECTOR_OUT(columns_out + c * BLOCK + j) += down[c];
     }
   }
-  EACH_COLUMN(c) STORE_STRIP(LOAD_STRIP(rows + c * BLOCK) + row_sums(&sum[0][c]), rows + c * BLOCK);
+  EACH_COLUMN(c) STRIP_OUT(rows + c * BLOCK) += row_sums(&sum[0][c]);
 }
 
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) void interflect_sym16(
@@ -81,10 +81,7 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void interflect_sym16(
   const uint number = (uint)get_group_id(0);
   if (number >= a.blocks) return;
   const SymmetricBlock b = block_of(a, index, partial, number);
-  for (uint i = 0; i < SLOT; i += 16) {
-    vstore16((float16)0.0f, 0, b.rows + i);
-    vstore16((float16)0.0f, 0, b.columns + i);
-  }
+  for (uint i = 0; i < SLOT; i += WIDTH) VECTOR_OUT(b.rows + i) = VECTOR_OUT(b.columns + i) = 0.0f;
   global const uint* begins = TILE_BEGINS(a, index);
   for (uint s = b.first; s < b.end; ++s) {
     const uint begin = begins[s], count = begins[s + 1] - begin;

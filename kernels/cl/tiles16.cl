@@ -35,7 +35,7 @@ INLINE void add_tiles(const TileArguments a, global const half* tile, global con
     global const float* at = x + column[k] * TILE_COLUMNS;
     EACH(piece, PIECES) {
       vector xj[CHUNK];
-      EACH_COLUMN(c) xj[c] = LOAD(at + (size_t)c * a.vector_stride + piece * WIDTH);
+      EACH_COLUMN(c) xj[c] = VECTOR(at + (size_t)c * a.vector_stride + piece * WIDTH);
       EACH(q, STRIP) {
         const vector h = HALVES(tile + q * TILE_COLUMNS + piece * WIDTH);
         EACH_COLUMN(c) sum[q][c] = FMA(h, xj[c], sum[q][c]);
@@ -73,11 +73,10 @@ void multiply_strip(const TileArguments a, global const half* tiles, global cons
   }
   for (uint part = 0; part < TILE_ROWS / STRIP; ++part) {
     for (uint c = 0; c < COLUMNS; ++c) {
-      float sum[STRIP];
-      STORE_STRIP(row_sums(&total[part][c / CHUNK][0][c % CHUNK]), sum);
+      const strip sums = row_sums(&total[part][c / CHUNK][0][c % CHUNK]);
       const uint first = row + part * STRIP;
       for (uint q = 0; q < STRIP && first + q < a.n; ++q) {
-        y[(size_t)c * a.vector_stride + first + q] = t[first + q] * sum[q];
+        y[(size_t)c * a.vector_stride + first + q] = t[first + q] * ((const private float*)&sums)[q];
       }
     }
   }
