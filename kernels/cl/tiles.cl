@@ -20,6 +20,10 @@
 
 #if WORKGROUP == 1
 
+#ifndef __has_builtin
+#define __has_builtin(name) 0
+#endif
+
 // Processors: a tile's row is PIECES vectors; STRIP rows by CHUNK columns of accumulators, the vectors of x and one of
 // halves fill 32 or 16 registers.
 #if WIDTH == 16
@@ -51,8 +55,8 @@ typedef float4 vector;
 #define STRIP_OUT(p) (*(global strip*)(p))
 
 /// Fetches what lies 12 KiB ahead: processors fetch by themselves only to the end of a page, and 4 KiB are a fourth
-/// slower here than 8 to 32. Harmless behind the end.
-#if defined(__clang__) && __has_builtin(__builtin_prefetch)
+/// slower here than 8 to 32. Harmless behind the end. (oclgrind, which compiles to SPIR, does not know it.)
+#if __has_builtin(__builtin_prefetch) && !defined(__SPIR__) && !defined(__SPIR64__)
 #define AHEAD (48U * TILE)
 #define FETCH_AHEAD(tile)                                                                  \
   EACH(line, TILE / 32) {                                                                  \
@@ -76,9 +80,8 @@ strip row_sums(const vector* v) {
     four[k] = (float16)(a.s0123, a.s89ab, b.s0123, b.s89ab) + (float16)(a.s4567, a.scdef, b.s4567, b.scdef);
   }
   const float16 a = four[0], b = four[1];
-  const float16 eight = (float16)(a.s01, a.s45, a.s89, a.scd, b.s01, b.s45, b.s89, b.scd) +
-                        (float16)(a.s23, a.s67, a.sab, a.sef, b.s23, b.s67, b.sab, b.sef);
-  return eight.even + eight.odd;
+  const float16 last = (float16)(a.s01, a.s45, a.s89, a.scd, b.s01, b.s45, b.s89, b.scd) +
+                       (float16)(a.s23, a.s67, a.sab, a.sef, b.s23, b.s67, b.sab, b.sef);
 #elif WIDTH == 8
   float8 two[2];
   EACH(k, 2) {
@@ -86,13 +89,13 @@ strip row_sums(const vector* v) {
     two[k] = (float8)(a.lo, b.lo) + (float8)(a.hi, b.hi);
   }
   const float8 a = two[0], b = two[1];
-  const float8 four = (float8)(a.s01, a.s45, b.s01, b.s45) + (float8)(a.s23, a.s67, b.s23, b.s67);
-  return four.even + four.odd;
+  const float8 last = (float8)(a.s01, a.s45, b.s01, b.s45) + (float8)(a.s23, a.s67, b.s23, b.s67);
 #else
   const float4 a = (float4)(v[0].lo, v[CHUNK].lo) + (float4)(v[0].hi, v[CHUNK].hi);
   const float4 b = (float4)(v[2 * CHUNK].lo, v[3 * CHUNK].lo) + (float4)(v[2 * CHUNK].hi, v[3 * CHUNK].hi);
-  return (float4)(a.even, b.even) + (float4)(a.odd, b.odd);
+  const float8 last = (float8)(a, b);
 #endif
+  return last.even + last.odd;
 }
 
 #else
