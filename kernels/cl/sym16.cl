@@ -63,7 +63,7 @@ INLINE void add_strip(const SymmetricArguments a, global const half* tile, globa
       vector xj[CHUNK], down[CHUNK];
       EACH_COLUMN(c) xj[c] = VECTOR(x_columns + (size_t)c * a.vector_stride + j);
       EACH(q, STRIP) {
-        const vector h = HALVES(tile + q * TILE_COLUMNS + piece * WIDTH);
+        const vector h = floats_at(tile + q * TILE_COLUMNS + piece * WIDTH);
         EACH_COLUMN(c) {
           sum[q][c] = FMA(h, xj[c], sum[q][c]);
           down[c] = q == 0 ? h * x[q][c] : FMA(h, (vector)x[q][c], down[c]);

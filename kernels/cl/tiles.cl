@@ -30,21 +30,13 @@
 #define STRIP 8U
 typedef float16 vector;
 typedef float8 strip;
-#if defined(__AVX512F__) && __has_builtin(__builtin_convertvector)
-typedef __fp16 halves __attribute__((ext_vector_type(16)));
-#define HALVES(p) __builtin_convertvector(*(global const halves*)(p), float16)  // one instruction, of PoCL's vload three
-#else
-#define HALVES(p) vload_half16(0, p)
-#endif
 #else
 #define STRIP 4U
 typedef float4 strip;
 #if WIDTH == 8
 typedef float8 vector;
-#define HALVES(p) vload_half8(0, p)
 #else
 typedef float4 vector;
-#define HALVES(p) vload_half4(0, p)
 #endif
 #endif
 #define PIECES (TILE_COLUMNS / WIDTH)
@@ -53,6 +45,21 @@ typedef float4 vector;
 #define VECTOR(p) (*(global const vector*)(p))
 #define VECTOR_OUT(p) (*(global vector*)(p))
 #define STRIP_OUT(p) (*(global strip*)(p))
+
+/// WIDTH halves as fp32. A function, not a macro: LLVM takes registers of 512 bits only into functions with such a vector
+/// among arguments or results, or into which one of these was inlined.
+INLINE vector floats_at(global const half* p) {
+#if WIDTH == 16 && defined(__AVX512F__) && __has_builtin(__builtin_convertvector)
+  typedef __fp16 halves __attribute__((ext_vector_type(16)));
+  return __builtin_convertvector(*(global const halves*)p, float16);  // one instruction; PoCL's vload_half16 is three
+#elif WIDTH == 16
+  return vload_half16(0, p);
+#elif WIDTH == 8
+  return vload_half8(0, p);
+#else
+  return vload_half4(0, p);
+#endif
+}
 
 /// Fetches what lies 12 KiB ahead: processors fetch by themselves only to the end of a page, and 4 KiB are a fourth
 /// slower here than 8 to 32. Harmless behind the end. (oclgrind, which compiles to SPIR, does not know it.)

@@ -37,7 +37,7 @@ INLINE void add_tiles(const TileArguments a, global const half* tile, global con
       vector xj[CHUNK];
       EACH_COLUMN(c) xj[c] = VECTOR(at + (size_t)c * a.vector_stride + piece * WIDTH);
       EACH(q, STRIP) {
-        const vector h = HALVES(tile + q * TILE_COLUMNS + piece * WIDTH);
+        const vector h = floats_at(tile + q * TILE_COLUMNS + piece * WIDTH);
         EACH_COLUMN(c) sum[q][c] = FMA(h, xj[c], sum[q][c]);
       }
     }
@@ -75,8 +75,11 @@ void multiply_strip(const TileArguments a, global const half* tiles, global cons
     for (uint c = 0; c < COLUMNS; ++c) {
       const strip sums = row_sums(&total[part][c / CHUNK][0][c % CHUNK]);
       const uint first = row + part * STRIP;
-      for (uint q = 0; q < STRIP && first + q < a.n; ++q) {
-        y[(size_t)c * a.vector_stride + first + q] = t[first + q] * ((const private float*)&sums)[q];
+      global float* out = y + (size_t)c * a.vector_stride + first;
+      if (first + STRIP <= a.n) {
+        STRIP_OUT(out) = *(global const strip*)(t + first) * sums;
+      } else {
+        for (uint q = 0; q < STRIP && first + q < a.n; ++q) out[q] = t[first + q] * ((const private float*)&sums)[q];
       }
     }
   }
