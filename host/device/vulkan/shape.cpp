@@ -47,13 +47,15 @@ Shape choose_shape(const Adapter& adapter) {
   shape.staged =
       forced == "gpu" || (type != vk::PhysicalDeviceType::eCpu && type != vk::PhysicalDeviceType::eIntegratedGpu);
   shape.subgroup = wanted.value_or(0);
-  shape.workgroup = shape.texel ? size : largest_workgroup(limits);
+  shape.workgroup = shape.texel ? std::max(4U, size) : largest_workgroup(limits);  // four invocations share a tile
   shape.rows = shape.texel ? 12 : 8;
   shape.chunk = shape.texel ? 3 : 4;
   if (adds) {
     const std::uint32_t smallest =
         shape.subgroup != 0 || adapter.smallest_subgroup == 0 ? size : adapter.smallest_subgroup;
     shape.subgroups = std::max(1U, shape.workgroup / smallest);
+    shape.shuffles = shape.texel && shape.subgroups == 1 &&
+                     (adapter.subgroup.supportedOperations & vk::SubgroupFeatureFlagBits::eShuffle);
   }
   return shape;
 }
