@@ -1,4 +1,9 @@
 // sym16 and sym16_fold. Contract and error bounds: kernels/README.md.
+//
+// sym16: a work-group takes a block. An invocation owns half of a tile column and goes down the block's strips: it keeps the
+// sums of its eight columns, and what its tile adds to the sums of the rows is joined over the work-group strip by strip, by
+// exchanges within a subgroup of eight or through shared memory. Where the work-group is narrower than the block, it goes
+// down again for the next tile columns. `partial` is added to by one invocation at a time in a fixed order, without atomics.
 #include "fours.comp"
 
 #ifdef KERNEL_sym16
@@ -44,11 +49,8 @@ uint columns_at[CHUNK];
 uint column_of(uint c) { return gl_WorkGroupID.x * CHUNK + c; }
 uint slot(uint i, uint j, uint c) { return ((i * a.block_rows + j) * COLUMNS + column_of(c)) * SIDE; }
 
-// What the block's strips hold, by their order: number in the block, first tile, which tile columns.
-shared uint strip_number[MOST_STRIPS];
-shared uint strip_first[MOST_STRIPS];
-shared uint strip_low[MOST_STRIPS];
-shared uint strip_high[MOST_STRIPS];
+// What the block's strips hold, by their order: number in the block, first tile, which of 64 tile columns (two words).
+shared uvec4 strips[MOST_STRIPS];
 
 void list_strips(uint first, uint count) {
   const uint numbers = 4u * a.blocks;
@@ -63,10 +65,7 @@ void list_strips(uint first, uint count) {
       const uint bit = 1u << (column % 32u);
       there |= column < 32u ? uvec2(bit, 0u) : uvec2(0u, bit);
     }
-    strip_number[t] = WORD(index, numbers + first + t);
-    strip_first[t] = begin;
-    strip_low[t] = there.x;
-    strip_high[t] = there.y;
+    strips[t] = uvec4(WORD(index, numbers + first + t), begin, there);
   }
 }
 
@@ -110,7 +109,7 @@ void quad(uint at, bool there, vec4 x_rows[CHUNK], Eight x[CHUNK], inout Eight s
 uint lane_of(uint c, uint q) { return 2u * c + q; }
 bool holds_four() { return lane / 2u < CHUNK && column_of(lane / 2u) < COLUMNS; }
 
-// A third of the sums goes with each exchange: between columns c and c + 2, then c and c + 1, then the quads.
+// Half of the sums goes with each exchange: between columns c and c + 2, then c and c + 1, then the quads.
 vec4 halve(vec4 low, vec4 high, uint distance) {
   const bool upper = (lane & distance) != 0u;
   return (upper ? high : low) + subgroupShuffleXor(upper ? low : high, distance);
@@ -164,6 +163,28 @@ void join_rows(uint number, vec4 rows[QUADS][CHUNK]) {
 
 #endif
 
+#ifdef EXCHANGE
+#define X_OF_ROWS(c, q) subgroupShuffle(own, lane_of(c, q))
+// Eight strips are read at once, one by each invocation: llvmpipe reads shared memory lane by lane.
+uvec4 next_strips;
+uint read_strips(uint t, uint count) {
+  next_strips = strips[min(t + lane, count - 1u)];
+  return min(t + 8u, count);
+}
+#define STRIP(t) subgroupShuffle(next_strips, t % 8u)
+#else
+uint read_strips(uint t, uint count) { return count; }
+#define STRIP(t) strips[t]
+#define X_OF_ROWS(c, q) FOUR(xs, x_column[c] + x_at + own_part() + q)
+#endif
+// Not a loop, which the driver would not unroll.
+#define ROWS_OF_QUAD(q)                                                                                            \
+  {                                                                                                                \
+    vec4 x_rows[CHUNK];                                                                                            \
+    for (uint c = 0u; c < CHUNK; ++c) x_rows[c] = X_OF_ROWS(c, q);                                                 \
+    quad(tile * TILE_WORDS + 8u * (own_part() + q) + own_half(), there, x_rows, x, sum, rows[q]);                  \
+  }
+
 // The tile columns from `first` on, one for each two invocations of a part, down all strips.
 void go_down(uint first, uint count) {
   const uint j = first + own_tile();
@@ -177,29 +198,23 @@ void go_down(uint first, uint count) {
     x[c] = Eight(inside ? FOUR(xs, x_column[c] + at) : vec4(0.0), inside ? FOUR(xs, x_column[c] + at + 1u) : vec4(0.0));
     sum[c] = Eight(vec4(0.0), vec4(0.0));
   }
-  for (uint t = 0u; t < count; ++t) {
-    const uint number = strip_number[t];
-    const uvec2 tiles_there = uvec2(strip_low[t], strip_high[t]);
-    const bool there = (tiles_there & bit) != uvec2(0u);
-    const uint tile = strip_first[t] + uint(bitCount(tiles_there.x & before.x) + bitCount(tiles_there.y & before.y));
-    vec4 rows[QUADS][CHUNK];
-    const uint x_at = block_row * SIDE + 2u * number;
+  for (uint t = 0u; t < count;) {
+    const uint end = read_strips(t, count);
+    do {
+      const uvec4 strip = STRIP(t);
+      const bool there = (strip.zw & bit) != uvec2(0u);
+      const uint tile = strip.y + uint(bitCount(strip.z & before.x) + bitCount(strip.w & before.y));
+      vec4 rows[QUADS][CHUNK];
+      const uint x_at = block_row * SIDE + 2u * strip.x;
 #ifdef EXCHANGE
-    const vec4 own = FOUR(xs, x_column[min(lane / 2u, CHUNK - 1u)] + x_at + lane % 2u);
+      const vec4 own = FOUR(xs, x_column[min(lane / 2u, CHUNK - 1u)] + x_at + lane % 2u);
 #endif
-    for (uint q = 0u; q < QUADS; ++q) {
-      const uint part = own_part() + q;
-      vec4 x_rows[CHUNK];
-      for (uint c = 0u; c < CHUNK; ++c) {
-#ifdef EXCHANGE
-        x_rows[c] = subgroupShuffle(own, lane_of(c, q));
-#else
-        x_rows[c] = FOUR(xs, x_column[c] + x_at + part);
+      ROWS_OF_QUAD(0u)
+#ifdef TEXEL
+      ROWS_OF_QUAD(1u)
 #endif
-      }
-      quad(tile * TILE_WORDS + 8u * part + own_half(), there, x_rows, x, sum, rows[q]);
-    }
-    join_rows(number, rows);
+      join_rows(strip.x, rows);
+    } while (++t < end);  // llvmpipe runs a loop whose condition stands first once more, masked
   }
   for (uint part = 0u; part < ROW_PARTS; ++part) {
     wait_for_sums();

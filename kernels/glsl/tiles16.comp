@@ -1,4 +1,11 @@
 // y = t * (H xs) for the strips of one panel. Contract and error bound: kernels/README.md.
+//
+// Four invocations share a tile: each takes half its columns and every other row, four loads of eight halves that are under
+// way together, 64 bytes side by side for each load; the next four take the next tile. (On lavapipe too: with more rows for
+// an invocation its registers do not suffice.) A work-group takes CHUNK columns of x, as in matvec.comp.
+//
+// Order of sums: an invocation adds eight products and that to its sum of the row; after BLOCK tiles the sum joins the
+// row's total; at the end the totals of the work-group are added (group_sum.comp).
 #include "fours.comp"
 #include "halves.comp"
 
@@ -20,33 +27,27 @@ layout(set = 0, binding = 4, std430) writeonly restrict buffer Y { float y[]; };
 
 #include "group_sum.comp"
 
-// Invocations side by side in a tile: as many as ROW_PARTS x HALVES, the others take other tiles.
-#define ROW_PARTS 2u
-#define HALVES 2u
-const uint ROWS = TILE_ROWS / ROW_PARTS;
-const uint TILES = WORKGROUP / (ROW_PARTS * HALVES);
-const uint BLOCK = 32u;  // tiles of an invocation before its sums join the totals
+const uint ROWS = TILE_ROWS / 2u;      // of a tile for an invocation
+const uint TILES = WORKGROUP / 4u;    // side by side
+const uint BLOCK = 64u;               // tiles of an invocation before its sums join the totals
 
 uint column_of(uint c) { return gl_WorkGroupID.x * CHUNK + c; }
 uint x_column[CHUNK];
-uint part_half() { return gl_LocalInvocationIndex % HALVES; }
-uint part_row() { return gl_LocalInvocationIndex / HALVES % ROW_PARTS; }
+uint own_half() { return gl_LocalInvocationIndex % 2u; }
+uint own_row() { return gl_LocalInvocationIndex / 2u % 2u; }  // then every other
 
 void add_tile(uint k, inout float sum[ROWS][CHUNK]) {
   const uint column = WORD(index, a.strips + 1u + k) * 4u;
-  for (uint p = 0u; p < 2u / HALVES; ++p) {
-    const uint h = part_half() + p;
-    uvec4 words[ROWS];
-    for (uint r = 0u; r < ROWS; ++r) words[r] = WORDS(tiles, k * TILE_WORDS + (part_row() + r * ROW_PARTS) * 2u + h);
-    Eight x[CHUNK];
-    for (uint c = 0u; c < CHUNK; ++c) {
-      const uint at = x_column[c] + column + 2u * h;
-      x[c] = Eight(FOUR(xs, at), FOUR(xs, at + 1u));
-    }
-    for (uint r = 0u; r < ROWS; ++r) {
-      const Eight f = eight(words[r]);
-      for (uint c = 0u; c < CHUNK; ++c) sum[r][c] += dot8(f, x[c]);
-    }
+  uvec4 words[ROWS];
+  for (uint r = 0u; r < ROWS; ++r) words[r] = WORDS(tiles, k * TILE_WORDS + (own_row() + 2u * r) * 2u + own_half());
+  Eight x[CHUNK];
+  for (uint c = 0u; c < CHUNK; ++c) {
+    const uint at = x_column[c] + column + 2u * own_half();
+    x[c] = Eight(FOUR(xs, at), FOUR(xs, at + 1u));
+  }
+  for (uint r = 0u; r < ROWS; ++r) {
+    const Eight f = eight(words[r]);
+    for (uint c = 0u; c < CHUNK; ++c) sum[r][c] += dot8(f, x[c]);
   }
 }
 
@@ -57,7 +58,7 @@ void strip(uint s) {
   for (uint r = 0u; r < ROWS; ++r) {
     for (uint c = 0u; c < CHUNK; ++c) total[r][c] = 0.0;
   }
-  uint k = begin + gl_LocalInvocationIndex / (ROW_PARTS * HALVES);
+  uint k = begin + gl_LocalInvocationIndex / 4u;
   while (k < end) {
     float sum[ROWS][CHUNK];
     for (uint r = 0u; r < ROWS; ++r) {
@@ -67,7 +68,7 @@ void strip(uint s) {
     do {
       add_tile(k, sum);
       k += TILES;
-    } while (k < last);
+    } while (k < last);  // llvmpipe runs a loop whose condition stands first once more, masked
     for (uint r = 0u; r < ROWS; ++r) {
       for (uint c = 0u; c < CHUNK; ++c) total[r][c] += sum[r][c];
     }
@@ -75,7 +76,7 @@ void strip(uint s) {
   for (uint r = 0u; r < TILE_ROWS; ++r) {
     const uint row = a.first + s * TILE_ROWS + r;
     for (uint c = 0u; c < CHUNK; ++c) {
-      const float sum = group_sum(r % ROW_PARTS == part_row() ? total[r / ROW_PARTS][c] : 0.0);
+      const float sum = group_sum(r % 2u == own_row() ? total[r / 2u][c] : 0.0);
       if (gl_LocalInvocationIndex == 0u && row < a.n && column_of(c) < COLUMNS) {
         y[column_of(c) * a.vector_stride + row] = t[row] * sum;
       }
