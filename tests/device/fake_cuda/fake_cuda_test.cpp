@@ -141,7 +141,7 @@ TEST_F(FakeCuda, EveryKernelPassesTheCheck) {
     if (sanitized) {
       EXPECT_GT(rows.size(), 100U);
     } else {
-      EXPECT_EQ(rows.size(), 721U);
+      EXPECT_EQ(rows.size(), 993U);
     }
     for (const KernelCheck& row : rows) {
       EXPECT_EQ(row.status, CheckStatus::pass)
