@@ -63,17 +63,22 @@ class PackedMatrix {
   /// Share of the n² elements of H (both triangles) that are not zero.
   [[nodiscard]] double nonzero_fraction() const { return nonzero_fraction_; }
 
-  /// visit(row, column, tile) for every tile of a unit in the order in which they lie: place of its first row and
-  /// column, and its 128 halves.
+  /// visit(row, columns, tiles) for every strip of a unit in the order in which they lie: place of its first row, the
+  /// tile column (column / 16) of each of its tiles, and the tiles' halves one after the other.
   template <class Visit>
-  void for_each_tile(std::uint32_t unit, Visit visit) const {
-    const Half* tile = elements(unit);
+  void for_each_strip(std::uint32_t unit, Visit visit) const {
+    const Half* tiles = elements(unit);
     for (std::uint32_t s = unit_strips_[unit]; s < unit_strips_[unit + 1]; ++s) {
-      for (std::uint64_t t = strips_[s].first_tile; t < strips_[s + 1].first_tile; ++t, tile += tile_elements) {
-        visit(strips_[s].row * tile_rows, columns_[t] * tile_columns, tile);
-      }
+      const std::uint64_t first = strips_[s].first_tile, count = strips_[s + 1].first_tile - first;
+      visit(strips_[s].row * tile_rows, std::span(columns_).subspan(first, count), tiles);
+      tiles += count * tile_elements;
     }
   }
+  /// sym16: the block of a unit, as its row and its column of blocks.
+  struct BlockPlace {
+    std::uint32_t row = 0, column = 0;
+  };
+  [[nodiscard]] BlockPlace block_of(std::uint32_t unit) const;
   [[nodiscard]] std::uint32_t units() const { return static_cast<std::uint32_t>(unit_begin_.size() - 1); }
 
   /// A run of units with its elements and, for tiles, its index: u32s, offsets counted from its own first unit.

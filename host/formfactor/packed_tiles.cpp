@@ -136,6 +136,11 @@ void PackedMatrix::place_tiles(const std::vector<Made>& made) {
   }
 }
 
+PackedMatrix::BlockPlace PackedMatrix::block_of(std::uint32_t unit) const {
+  const Strip& strip = strips_[unit_strips_[unit]];
+  return {strip.row * rows / block_, columns_[strip.first_tile] * columns / block_};
+}
+
 void PackedMatrix::add_index(Panel& made) const {
   const std::uint32_t first = unit_strips_[made.first], end = unit_strips_[made.first + made.units];
   const std::uint64_t first_tile = strips_[first].first_tile;
