@@ -63,7 +63,7 @@ __device__ float join_parts(const float* of_warp) {
   return of_warp[0];
 }
 
-extern "C" __global__ void __launch_bounds__(WORKGROUP, 3)
+extern "C" __global__ void __launch_bounds__(WORKGROUP, chunks == 1 ? 3 : 2)
     tiles16(const float* __restrict__ tiles, const unsigned* __restrict__ index, const float* __restrict__ xs,
             const float* __restrict__ t, float* __restrict__ y, const TileArguments a) {
   __shared__ float of_warp[warps][COLUMNS * tile_rows];

@@ -133,6 +133,7 @@ TEST_F(CudaNvrtc, CompilesEveryKernelWithoutSpilling) {
                     << f.shared_bytes << " bytes shared, " << f.spill_bytes << " spilt\n";
           EXPECT_GT(f.registers, 0);
           EXPECT_LE(f.registers, 128) << "two work-groups of 256 threads must fit a multiprocessor";
+          EXPECT_LE(f.shared_bytes, 48 << 10) << "more cannot be declared";
           EXPECT_EQ(f.spill_bytes, 0);
           EXPECT_EQ(f.stack_bytes, 0);
         }
