@@ -6,17 +6,17 @@
 #ifdef BLOCK
 
 // A work-group takes a block. Its warps take the block's strips in turn, a strip's tiles in batches of eight
-// (tiles.cuh), each of which is asked for while the one before is multiplied. Row sums stay in registers across a strip, which one warp has for itself; column sums are in shared
-// memory, a copy for each warp, to which a batch is added at once: its tiles have different columns. So no two threads
-// ever write the same sum between two barriers.
+// (tiles.cuh), each of which is asked for while the one before is multiplied. Row sums stay in registers across a
+// strip, which one warp has for itself; column sums are in shared memory, a copy for each warp, to which a batch is
+// added at once: its tiles have different columns. So no two threads ever write the same sum between two barriers.
 //
 // Memory traffic of a launch: each tile once, 256 bytes and 4 of index, 8 for each strip, 16 for each block; x once for
 // each block; partial once, 8 COLUMNS BLOCK bytes for each block. The sums of a warp take 4 KB at most: of BLOCK = 256
 // three columns are taken at once, of 512 two, of 1,024 one, and as often the tiles are read.
 //
-// Order of sums: row: at most BLOCK / 16 products in a lane, 16 lanes in a tree of 4 levels. Column: four rows in a lane
-// by fused multiply-add, two lanes, then the batches of a warp in order, at most BLOCK / 64 of them, and 8 warps in a
-// tree of 3.
+// Order of sums: row: at most BLOCK / 16 products in a lane, 16 lanes in a tree of 4 levels. Column: four rows in a
+// lane by fused multiply-add, two lanes, then the batches of a warp in order, at most BLOCK / 64 of them, and 8 warps
+// in a tree of 3.
 
 constexpr unsigned most = BLOCK <= 256 ? 3 : BLOCK <= 512 ? 2 : 1;
 constexpr unsigned chunks = (COLUMNS + most - 1) / most;
@@ -24,7 +24,7 @@ constexpr unsigned chunk = (COLUMNS + chunks - 1) / chunks;  // columns at once
 constexpr unsigned most_strips = BLOCK / tile_rows;
 
 struct alignas(16) Memory {
-  float sums[warps + 1][chunk][BLOCK];  // column sums of each warp, then the row sums
+  float sums[warps + 1][chunk][BLOCK];             // column sums of each warp, then the row sums
   float x[chunk][BLOCK], x_of_rows[chunk][BLOCK];  // of the block's columns and rows
   unsigned strip[most_strips], begin[most_strips + 1];
 };

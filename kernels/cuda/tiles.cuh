@@ -16,7 +16,7 @@ struct SymmetricArguments {
 };
 
 constexpr unsigned tile_rows = 8, tile_columns = 16;
-constexpr unsigned tile_vectors = 16;     // 16-byte vectors of a tile, two for each row
+constexpr unsigned tile_vectors = 16;      // 16-byte vectors of a tile, two for each row
 constexpr unsigned batch = warp_size / 4;  // tiles that a warp takes at once
 constexpr unsigned rows_of_lane = 4;
 

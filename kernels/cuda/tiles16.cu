@@ -18,13 +18,12 @@ constexpr unsigned side_by_side = STRIPS >= 8 ? 8 : STRIPS >= 4 ? 4 : STRIPS >= 
 constexpr unsigned parts = warps / side_by_side;  // warps for a strip
 constexpr unsigned step = parts * batch;
 constexpr unsigned chunks = (COLUMNS + 3) / 4;
-constexpr unsigned chunk = (COLUMNS + chunks - 1) / chunks;  // columns in registers at once
+constexpr unsigned chunk = (COLUMNS + chunks - 1) / chunks;   // columns in registers at once
 constexpr unsigned segment = (chunks == 1 ? 128 : 8) * step;  // tiles of a strip
 
 /// sum[c][k] += Σ tile[k][l] xs[c][l] over this lane's tiles in [k, end), for its rows and columns.
 __device__ void multiply(const uint4* tiles, const unsigned* tile_column, const float4* xs,
-                         const unsigned (&column)[chunk], unsigned k, unsigned end,
-                         float (&sum)[chunk][rows_of_lane]) {
+                         const unsigned (&column)[chunk], unsigned k, unsigned end, float (&sum)[chunk][rows_of_lane]) {
   unsigned next = k < end ? __ldg(tile_column + k) : 0;
   for (; k < end; k += step) {
     const unsigned at = 4 * next + 2 * half_of_lane();
