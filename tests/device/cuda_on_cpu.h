@@ -33,7 +33,8 @@ struct Compiled {
   std::uint32_t block_bytes = 0;  ///< size of the last parameter, the argument block
 };
 void add(Compiled compiled);
-/// The kernel of that variant, or, where the variant does not change it, as it is; null when it was not built.
+/// The kernel of that variant, or, where the variant does not change it, as it is; null when it was not built. Macros
+/// that it was built without (PREFETCH, which means nothing to a GPU) may be among those asked for.
 [[nodiscard]] const Compiled* find(const std::string& variant, const std::string& kernel,
                                    const std::map<std::string, int>& macros);
 
