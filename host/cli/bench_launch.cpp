@@ -23,14 +23,14 @@ double Launch::seconds(int count) {
   return timer.seconds() / count;
 }
 
-std::vector<float> Launch::floats(std::size_t buffer, std::size_t count, std::size_t first) {
+std::vector<float> Launch::floats(std::size_t buffer, std::size_t count) {
   std::vector<float> values(count);
-  device_->queue().download(*buffers_.at(buffer), first * sizeof(float), std::as_writable_bytes(std::span(values)));
+  device_->queue().download(*buffers_.at(buffer), 0, std::as_writable_bytes(std::span(values)));
   return values;
 }
 
-void Launch::put(std::size_t buffer, std::span<const float> values, std::size_t first) {
-  device_->queue().upload(*buffers_.at(buffer), first * sizeof(float), std::as_bytes(values));
+void Launch::put(std::size_t buffer, std::span<const float> values) {
+  device_->queue().upload(*buffers_.at(buffer), 0, std::as_bytes(values));
 }
 
 }  // namespace interflect::cli

@@ -29,9 +29,9 @@ class Launch {
 
   /// Seconds per launch of `count` that are enqueued together.
   [[nodiscard]] double seconds(int count);
-  /// `count` floats of a buffer from element `first` on, and floats into it.
-  [[nodiscard]] std::vector<float> floats(std::size_t buffer, std::size_t count, std::size_t first = 0);
-  void put(std::size_t buffer, std::span<const float> values, std::size_t first = 0);
+  /// The first floats of a buffer, and floats to its head.
+  [[nodiscard]] std::vector<float> floats(std::size_t buffer, std::size_t count);
+  void put(std::size_t buffer, std::span<const float> values);
 
  private:
   SharedDevice device_;

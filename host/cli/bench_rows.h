@@ -23,7 +23,7 @@ struct BenchPlan {
 using RowSink = std::function<void(const std::vector<BenchRow>&)>;
 
 /// What needs no scene, on every device in turn: read and copy over large buffers, a launch (enqueued by the hundred,
-/// and waited for one by one as "launch+wait"), the vector kernels over columns of a million elements.
+/// and waited for one by one as "launch+wait"), the vector kernels over vectors that no cache holds.
 [[nodiscard]] std::vector<BenchRow> bench_devices(const std::vector<std::string>& devices, unsigned repetitions);
 
 /// The rate of a device's "read" or "copy", or the seconds of its "launch", among verified rows that need no scene; 0

@@ -23,8 +23,8 @@ std::size_t character(std::string_view text) {
     code = code << 6 | (byte(k) & 0x3FU);
   }
   constexpr std::array<std::uint32_t, 5> least{0, 0, 0x80, 0x800, 0x10000};
-  const bool none = code < least.at(length) || code > 0x10FFFF || (code >= 0xD800 && code < 0xE000) ||
-                    code == 0xFFFE || code == 0xFFFF;
+  const bool none = code < least.at(length) || code > 0x10FFFF || (code >= 0xD800 && code < 0xE000) || code == 0xFFFE ||
+                    code == 0xFFFF;
   return none ? 0 : length;
 }
 
@@ -41,13 +41,20 @@ std::string escaped(std::string_view text) {
   while (!text.empty()) {
     const std::size_t length = character(text);
     const char c = text.front();
-    if (length == 0) out += '?';
-    else if (c == '&') out += "&amp;";
-    else if (c == '<') out += "&lt;";
-    else if (c == '>') out += "&gt;";
-    else if (c == '"') out += "&quot;";
-    else if (c == '\'') out += "&apos;";
-    else out += text.substr(0, length);
+    if (length == 0)
+      out += '?';
+    else if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '>')
+      out += "&gt;";
+    else if (c == '"')
+      out += "&quot;";
+    else if (c == '\'')
+      out += "&apos;";
+    else
+      out += text.substr(0, length);
     text.remove_prefix(std::max<std::size_t>(length, 1));
   }
   return out;
@@ -62,16 +69,17 @@ std::string shortened(const std::string& text, std::size_t most) {
 
 void Svg::mark(const std::string& element, std::string_view tooltip) {
   body_ += '<' + element;
-  if (tooltip.empty()) body_ += "/>\n";
-  else body_ += fmt::format("><title>{}</title></{}>\n", escaped(tooltip), element.substr(0, element.find(' ')));
+  if (tooltip.empty())
+    body_ += "/>\n";
+  else
+    body_ += fmt::format("><title>{}</title></{}>\n", escaped(tooltip), element.substr(0, element.find(' ')));
 }
 
 void Svg::text(double x, double y, std::string_view text, std::string_view style, Anchor anchor) {
-  body_ += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\"{}{}>{}</text>\n", x, y,
-                       anchor == Anchor::start
-                           ? ""
-                           : fmt::format(" text-anchor=\"{}\"", anchors.at(static_cast<std::size_t>(anchor))),
-                       class_of(style), escaped(text));
+  body_ += fmt::format(
+      "<text x=\"{:.1f}\" y=\"{:.1f}\"{}{}>{}</text>\n", x, y,
+      anchor == Anchor::start ? "" : fmt::format(" text-anchor=\"{}\"", anchors.at(static_cast<std::size_t>(anchor))),
+      class_of(style), escaped(text));
 }
 
 void Svg::text_upwards(double x, double y, std::string_view text, std::string_view style) {
@@ -93,15 +101,14 @@ void Svg::rect(double x, double y, double width, double height, std::string_view
 void Svg::marker(std::size_t shape, double x, double y, double radius, std::string_view style,
                  std::string_view tooltip) {
   // Corners or strokes around the middle, for a radius of 1.
-  constexpr std::array<const char*, marker_shapes> shapes{
-      "",
-      "M-.85-.85H.85V.85H-.85Z",
-      "M0-1.2L1.2 0L0 1.2L-1.2 0Z",
-      "M0-1.1L1.1.85H-1.1Z",
-      "M0 1.1L1.1-.85H-1.1Z",
-      "M-1.1 0H1.1M0-1.1V1.1",
-      "M-.85-.85L.85.85M-.85.85L.85-.85",
-      "M-1.1 0H1.1M-.55-.95L.55.95M-.55.95L.55-.95"};
+  constexpr std::array<const char*, marker_shapes> shapes{"",
+                                                          "M-.85-.85H.85V.85H-.85Z",
+                                                          "M0-1.2L1.2 0L0 1.2L-1.2 0Z",
+                                                          "M0-1.1L1.1.85H-1.1Z",
+                                                          "M0 1.1L1.1-.85H-1.1Z",
+                                                          "M-1.1 0H1.1M0-1.1V1.1",
+                                                          "M-.85-.85L.85.85M-.85.85L.85-.85",
+                                                          "M-1.1 0H1.1M-.55-.95L.55.95M-.55.95L.55-.95"};
   if (shape % marker_shapes == 0) {
     mark(fmt::format("circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.1f}\"{}", x, y, radius, class_of(style)), tooltip);
     return;
@@ -125,7 +132,8 @@ std::string style_sheet() {
                                                   "#e3bd3c", "#9cd5f5", "#a99cf0", "#b0b0b0"};
   const auto variables = [](const auto& palette, const char* ground, const char* ink, const char* dim, const char* grid,
                             const char* line) {
-    std::string out = fmt::format(":root{{--ground:{};--ink:{};--dim:{};--grid:{};--rule:{}", ground, ink, dim, grid, line);
+    std::string out =
+        fmt::format(":root{{--ground:{};--ink:{};--dim:{};--grid:{};--rule:{}", ground, ink, dim, grid, line);
     for (std::size_t k = 0; k < palette.size(); ++k) out += fmt::format(";--c{}:{}", k, palette.at(k));
     return out + "}";
   };

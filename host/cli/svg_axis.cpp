@@ -24,8 +24,7 @@ Axis Axis::around(const std::vector<double>& values, double from, double to) {
 }
 
 double Axis::at(double value) const {
-  const double share =
-      logarithmic_ ? std::log(value / low_) / std::log(high_ / low_) : (value - low_) / (high_ - low_);
+  const double share = logarithmic_ ? std::log(value / low_) / std::log(high_ / low_) : (value - low_) / (high_ - low_);
   return from_ + std::clamp(share, 0.0, 1.0) * (to_ - from_);
 }
 
