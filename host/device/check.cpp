@@ -1,5 +1,6 @@
 #include "interflect/device/check.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -22,9 +23,18 @@ std::vector<KernelCheck> check_device(Device& device, std::uint64_t max_size) {
   std::vector<KernelCheck> rows;
   check::check_stream(device, rows, {.max_size = max_size});
   check::check_matvec(device, rows, {.max_size = max_size});
+  check::check_packed(device, rows, {.max_size = max_size});
   check::check_vectors(device, rows, {.max_size = max_size});
   for (KernelCheck& row : rows) row.device = device.info().id;
   return rows;
+}
+
+double packed_bound(std::uint64_t n) {
+  return check::rounding_bound(std::min<std::uint64_t>(n, 1024) + (n + 1023) / 1024 + 24);
+}
+
+double sym16_bound(std::uint64_t block) {
+  return check::rounding_bound(block + 24);
 }
 
 namespace check {

@@ -66,10 +66,12 @@ void add_case(std::vector<KernelCheck>& rows, KernelCheck row, const std::functi
 struct Selection {
   std::uint64_t max_size = every_size;  ///< n, or lines, at most
   std::uint32_t columns = 0;            ///< of matvec, which is compiled for each number; 0: all
-  std::string_view kernel = {};         ///< of the vector kernels; empty: all
+  std::string_view kernel = {};         ///< of the vector kernels and the 16-bit formats; empty: all
 };
 void check_matvec(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 void check_stream(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});  ///< read and copy
+/// tiles16, sym16, sym16_fold, scale.
+void check_packed(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 /// dot, axpby, and the steps of the solvers.
 void check_vectors(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 

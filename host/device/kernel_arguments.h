@@ -17,6 +17,33 @@ struct MatvecArguments {
   std::uint32_t vector_stride = 0;  ///< elements from one column of x or y to the next, a multiple of 16
 };
 
+// The 16-bit formats. Elements are fp16 (halves); x comes scaled, from the kernel `scale`, with zeros behind its n
+// elements; a tile is 8 rows x 16 columns, row-major, and begins at multiples of these.
+
+inline constexpr std::uint32_t tile_rows = 8, tile_columns = 16, tile_elements = tile_rows * tile_columns;
+
+/// tiles16: y[c, i] = scale[i] * Σ over the tiles t of strip s of Σ_l tile[t][q][l] * x[c, 16 * column[t] + l] for the
+/// rows i = first + 8 s + q < n of the panel's strips. index: tile_begin[strips + 1], column[tiles].
+struct TileArguments {
+  std::uint32_t n = 0;              ///< rows and columns of F
+  std::uint32_t first = 0;          ///< the panel's first row, a multiple of 8
+  std::uint32_t strips = 0;         ///< strips of 8 rows in the panel
+  std::uint32_t tiles = 0;          ///< in the panel
+  std::uint32_t vector_stride = 0;  ///< elements from one column of x or y to the next, a multiple of 16
+};
+
+/// sym16: the panel's blocks (I, J), I <= J, of BLOCK x BLOCK elements, each used for its rows and for its columns:
+/// partial[I, J] = block * x_J and partial[J, I] = block^T * x_I, or their sum where I = J.
+/// index: {I, J, first strip, end of strips}[blocks], the strip's number in its block[strips], tile_begin[strips + 1],
+/// the tile column in its block[tiles].
+struct SymmetricArguments {
+  std::uint32_t blocks = 0;         ///< in the panel, one for each work-group
+  std::uint32_t strips = 0;         ///< in the panel
+  std::uint32_t tiles = 0;          ///< in the panel
+  std::uint32_t block_rows = 0;     ///< blocks along a side of F
+  std::uint32_t vector_stride = 0;  ///< of x, a multiple of 16
+};
+
 /// The vector kernels (dot, axpby, bounce, cg_*, bicgstab_*): work item k = column * blocks + block handles elements
 /// [block * reduction_block, ...) of its column; work-group g does items [g * blocks_per_group, ...).
 struct VectorArguments {
@@ -25,8 +52,9 @@ struct VectorArguments {
   std::uint32_t columns = 0;           ///< how many columns
   std::uint32_t blocks = 0;            ///< ceil(n / reduction_block)
   std::uint32_t blocks_per_group = 0;  ///< the launch's shape; no result depends on it
-  std::uint32_t option = 0;            ///< bounce: 1 adds the bounce to x. dot, reduce: the set of sums
-  std::uint32_t slot = 0;              ///< reduce: the slot that takes the sum
+  /// bounce: 1 adds the bounce to x. dot, reduce: the set of sums. sym16_fold: rows of a block.
+  std::uint32_t option = 0;
+  std::uint32_t slot = 0;  ///< reduce: the slot that takes the sum. sym16_fold: blocks along a side
 };
 
 /// Elements that one partial sum covers.

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "interflect/base/error.h"
 #include "interflect/device/kernel_arguments.h"
 
@@ -42,6 +44,38 @@ BufferSizes matvec_needs(const LaunchShape& launch) {
   return {std::uint64_t{a.rows} * a.row_stride, columns, columns - a.vector_stride + a.first + a.rows};
 }
 
+BufferSizes tiles16_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<TileArguments>();
+  demand(a.vector_stride % 16 == 0 && a.n <= a.vector_stride, "n is larger than the stride, or that no multiple of 16");
+  demand(a.n <= largest_n, "n is larger than 1048576");
+  demand(a.first % tile_rows == 0 && a.first < a.n && a.strips > 0 && a.strips <= ceil_div(a.n - a.first, tile_rows),
+         "the strips do not lie in F");
+  demand(std::uint64_t{launch.groups} * static_cast<std::uint64_t>(launch.macro("STRIPS")) >= a.strips,
+         "the work-groups do not cover the strips");
+  const std::uint64_t columns = static_cast<std::uint64_t>(launch.macro("COLUMNS")) * a.vector_stride;
+  const std::uint64_t end = std::min<std::uint64_t>(a.n, a.first + std::uint64_t{a.strips} * tile_rows);
+  return {std::uint64_t{a.tiles} * tile_elements / 2, std::uint64_t{a.strips} + 1 + a.tiles, columns, end,
+          columns - a.vector_stride + end};
+}
+
+/// The partial sums of sym16: block_rows^2 slots of `columns` x `block` floats.
+std::uint64_t partial_floats(std::uint64_t block_rows, std::uint64_t columns, std::uint64_t block) {
+  return block_rows * block_rows * columns * block;
+}
+
+BufferSizes sym16_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<SymmetricArguments>();
+  const auto block = static_cast<std::uint64_t>(launch.macro("BLOCK"));
+  const auto columns = static_cast<std::uint64_t>(launch.macro("COLUMNS"));
+  demand(a.vector_stride % 16 == 0 && a.vector_stride <= largest_n, "the stride is no multiple of 16, or too large");
+  demand(block % tile_columns == 0, "BLOCK is not a multiple of 16");
+  demand(a.block_rows > 0 && (a.block_rows - 1) * block < a.vector_stride, "the blocks do not lie in F");
+  demand(a.blocks > 0 && launch.groups == a.blocks, "a work-group for each block is needed");
+  return {std::uint64_t{a.tiles} * tile_elements / 2,
+          std::uint64_t{a.blocks} * 4 + std::uint64_t{a.strips} * 2 + 1 + a.tiles, columns * a.vector_stride,
+          partial_floats(a.block_rows, columns, block)};
+}
+
 /// All vector kernels: `Vectors` of them, then the sums buffer.
 template <std::size_t Vectors>
 BufferSizes vector_needs(const LaunchShape& launch) {
@@ -67,6 +101,20 @@ BufferSizes set_needs(const LaunchShape& launch) {
   return vector_needs<Vectors>(launch);
 }
 
+/// Vectors and no sums buffer: scale, and sym16_fold, whose first is that of the partial sums.
+BufferSizes scale_needs(const LaunchShape& launch) {
+  const BufferSizes sizes = vector_needs<2>(launch);
+  return {sizes[0], launch.arguments<VectorArguments>().n, sizes[0]};
+}
+
+BufferSizes sym16_fold_needs(const LaunchShape& launch) {
+  const BufferSizes sizes = scale_needs(launch);
+  const auto a = launch.arguments<VectorArguments>();
+  const std::uint64_t block = a.option, block_rows = a.slot;
+  demand(block > 0 && block % tile_columns == 0 && block_rows == ceil_div(a.n, block), "the blocks are not those of F");
+  return {partial_floats(block_rows, a.columns, block), sizes[1], sizes[2]};
+}
+
 }  // namespace
 
 std::span<const KernelLine> kernel_table() {
@@ -76,6 +124,20 @@ std::span<const KernelLine> kernel_table() {
       {"copy", "copy", "rw", stream, {}, &copy_needs},
       {"read", "read", "rw", stream, {{"STREAMS", 1, 8, 0}}, &read_needs},
       {"matvec", "matvec", "rrw", sizeof(MatvecArguments), {{"COLUMNS", 1, 24, 0}, {"ROWS", 1, 64, 16}}, &matvec_needs},
+      {"tiles16",
+       "tiles16",
+       "rrrrw",
+       sizeof(TileArguments),
+       {{"COLUMNS", 1, 24, 0}, {"STRIPS", 1, 64, 1}},
+       &tiles16_needs},
+      {"sym16",
+       "sym16",
+       "rrrw",
+       sizeof(SymmetricArguments),
+       {{"COLUMNS", 1, 24, 0}, {"BLOCK", 16, 1024, 0}},
+       &sym16_needs},
+      {"sym16_fold", "sym16", "rrw", vectors, {}, &sym16_fold_needs},
+      {"scale", "scale", "rrw", vectors, {}, &scale_needs},
       {"dot", "reduce", "rrw", vectors, {}, &set_needs<2>},
       {"reduce", "reduce", "w", vectors, {}, &set_needs<0>},
       {"axpby", "axpby", "rwr", vectors, {}, &vector_needs<2>},

@@ -15,6 +15,9 @@ namespace interflect {
 std::string_view name(Storage storage) {
   switch (storage) {
     case Storage::dense32: return "dense32";
+    case Storage::dense16: return "dense16";
+    case Storage::tiled16: return "tiled16";
+    case Storage::sym16: return "sym16";
   }
   return "?";
 }

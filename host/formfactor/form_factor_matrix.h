@@ -3,16 +3,12 @@
 #include <cstdint>
 #include <memory>
 #include <span>
-#include <string_view>
 #include <vector>
 
 #include "interflect/base/memory.h"
+#include "interflect/formfactor/storage.h"
 
 namespace interflect {
-
-/// How F is stored on the host. A format is a pair: this layout and a matvec kernel per backend.
-enum class Storage { dense32 };
-[[nodiscard]] std::string_view name(Storage storage);
 
 /// Rows [first, first + rows) of F: the unit of storage, upload, scheduling, saving and distribution.
 struct Panel {

@@ -86,12 +86,6 @@ void exact_product(const FormFactorMatrix& form_factors, const Columns& x, std::
   }
 }
 
-void Scheduler::exact_product(const Columns& x, std::vector<std::vector<double>>& y) {
-  if (x.size() != columns()) throw Error(ErrorKind::internal, "exact product: wrong number of columns");
-  interflect::exact_product(form_factors_, x, y);
-  ++products_;
-}
-
 }  // namespace interflect
 
 #endif

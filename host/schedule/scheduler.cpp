@@ -9,6 +9,7 @@
 #include "interflect/base/error.h"
 #include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
+#include "interflect/schedule/product.h"
 
 namespace interflect {
 
@@ -32,10 +33,9 @@ std::span<const std::byte> bytes_of(const T& value) {
 
 }  // namespace
 
-Scheduler::Scheduler(const FormFactorMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices,
-                     std::uint32_t columns)
-    : form_factors_(form_factors), devices_(std::move(devices)) {
-  if (size() == 0) throw Error(ErrorKind::usage, "there are no patches to solve for");
+Scheduler::Scheduler(std::vector<std::unique_ptr<Device>> devices, std::uint32_t size, std::uint32_t columns)
+    : devices_(std::move(devices)) {
+  if (size == 0) throw Error(ErrorKind::usage, "there are no patches to solve for");
   if (columns == 0) throw Error(ErrorKind::usage, "there are no columns to solve for");
   if (devices_.size() != 1 || devices_.front() == nullptr) {
     throw Error(ErrorKind::usage,
@@ -43,57 +43,35 @@ Scheduler::Scheduler(const FormFactorMatrix& form_factors, std::vector<std::uniq
   }
   device_ = devices_.front().get();
   const DeviceInfo& info = device_->info();
-  arguments_.n = size();
-  arguments_.vector_stride = rounded_up(size(), padding) * padding;
+  arguments_.n = size;
+  arguments_.vector_stride = rounded_up(size, padding) * padding;
   arguments_.columns = columns;
-  arguments_.blocks = rounded_up(size(), reduction_block);
+  arguments_.blocks = rounded_up(size, reduction_block);
   const std::uint32_t items = columns * arguments_.blocks;
   arguments_.blocks_per_group = std::max(info.blocks_per_group, rounded_up(items, info.max_groups));
   groups_ = rounded_up(items, arguments_.blocks_per_group);
-  cut_panels();
-  check_memory();
-  const Timer compiling;
-  matvec_ = device_->kernel("matvec",
-                            {{"COLUMNS", static_cast<int>(columns)}, {"ROWS", static_cast<int>(info.rows_per_group)}});
-  compile_seconds_ += compiling.seconds();
-  upload_panels();
+}
+
+Scheduler::Scheduler(const FormFactorMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices,
+                     std::uint32_t columns)
+    : Scheduler(std::move(devices), form_factors.size(), columns) {
+  product_ = make_product(form_factors, *device_, arguments_, groups_);
+  place();
+}
+
+Scheduler::Scheduler(const PackedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices,
+                     std::uint32_t columns)
+    : Scheduler(std::move(devices), form_factors.size(), columns) {
+  product_ = make_product(form_factors, *device_, arguments_, groups_);
+  place();
 }
 
 Scheduler::~Scheduler() = default;
 
-std::uint64_t Scheduler::row_bytes() const {
-  return std::uint64_t{form_factors_.stride()} * sizeof(float);
-}
-
-/// The rows of the largest panel that the device's buffers and work-groups take: whole groups of rows if it can be.
-std::uint32_t Scheduler::rows_that_fit() const {
-  const DeviceInfo& info = device_->info();
-  std::uint64_t rows = std::min<std::uint64_t>(size(), std::uint64_t{info.max_groups} * info.rows_per_group);
-  if (info.max_buffer_bytes != 0) rows = std::min(rows, info.max_buffer_bytes / row_bytes());
-  if (rows < size() && rows > info.rows_per_group) rows -= rows % info.rows_per_group;
-  return static_cast<std::uint32_t>(rows);
-}
-
-void Scheduler::cut_panels() {
-  const DeviceInfo& info = device_->info();
-  const std::uint32_t most = rows_that_fit();
-  if (most == 0) {
-    throw Error(ErrorKind::limit,
-                fmt::format("{}: one row of the form factors has {} bytes, the device's largest buffer {}; use fewer "
-                            "patches or another device",
-                            info.id, row_bytes(), info.max_buffer_bytes));
-  }
-  for (const Panel& panel : form_factors_.panels()) {
-    std::unique_ptr<Buffer> shared = panel.rows <= most ? device_->share(panel.data) : nullptr;
-    if (shared != nullptr) {
-      panels_.push_back({panel.first, panel.rows, panel.data->data(), std::move(shared)});
-      continue;
-    }
-    for (std::uint32_t done = 0; done < panel.rows; done += most) {
-      panels_.push_back(
-          {panel.first + done, std::min(most, panel.rows - done), panel.data->data() + done * row_bytes(), nullptr});
-    }
-  }
+void Scheduler::place() {
+  check_memory();
+  product_->place();
+  compile_seconds_ += product_->compile_seconds();
 }
 
 void Scheduler::check_memory() const {
@@ -103,8 +81,7 @@ void Scheduler::check_memory() const {
     throw Error(ErrorKind::limit, fmt::format("{}: a vector of {} bytes exceeds the device's largest buffer of {}",
                                               info.id, vector, info.max_buffer_bytes));
   }
-  std::uint64_t needed = vectors_of_a_solve * vector;
-  for (const PlacedPanel& panel : panels_) needed += panel.buffer == nullptr ? panel.rows * row_bytes() : 0;
+  const std::uint64_t needed = vectors_of_a_solve * vector + product_->needed_bytes();
   // A size of 0 is unknown and cannot be compared: then the device itself must refuse.
   std::uint64_t available = info.memory_bytes;
   if (info.type == DeviceType::cpu && available != 0) available = std::min(available, available_memory());
@@ -114,20 +91,20 @@ void Scheduler::check_memory() const {
   }
 }
 
-void Scheduler::upload_panels() {
-  for (PlacedPanel& panel : panels_) {
-    if (panel.buffer != nullptr) continue;
-    const std::size_t bytes = panel.rows * row_bytes();
-    panel.buffer = device_->allocate(bytes);
-    device_->queue().upload(*panel.buffer, 0, {panel.data, bytes});
-    uploaded_bytes_ += bytes;
-  }
+Storage Scheduler::storage() const {
+  return product_->storage();
+}
+
+std::uint64_t Scheduler::bytes() const {
+  return product_->bytes();
+}
+
+std::uint64_t Scheduler::uploaded_bytes() const {
+  return product_->uploaded_bytes();
 }
 
 std::vector<Buffer*> Scheduler::panel_buffers() const {
-  std::vector<Buffer*> buffers;
-  for (const PlacedPanel& panel : panels_) buffers.push_back(panel.buffer.get());
-  return buffers;
+  return product_->panel_buffers();
 }
 
 std::vector<std::string> Scheduler::device_ids() const {
@@ -157,9 +134,12 @@ VectorKernel Scheduler::kernel(std::string_view name) {
 void Scheduler::upload(Vector& to, const Columns& from) {
   staging_.assign(std::size_t{columns()} * stride(), 0.0F);
   if (from.size() != columns()) throw Error(ErrorKind::internal, "upload: wrong number of columns");
+  const std::span<const std::uint32_t> order = product_->order();
   for (std::size_t c = 0; c < columns(); ++c) {
     if (from[c].size() != size()) throw Error(ErrorKind::internal, "upload: a column of the wrong length");
-    std::copy(from[c].begin(), from[c].end(), staging_.begin() + static_cast<std::ptrdiff_t>(c * stride()));
+    float* to_column = staging_.data() + c * stride();
+    if (order.empty()) std::copy(from[c].begin(), from[c].end(), to_column);
+    for (std::size_t k = 0; k < order.size(); ++k) to_column[k] = from[c][order[k]];
   }
   upload(to, staging_);
 }
@@ -172,9 +152,11 @@ void Scheduler::download(const Vector& from, Columns& to) {
   staging_.resize(std::size_t{columns()} * stride());
   download(from, staging_);
   to.resize(columns());
+  const std::span<const std::uint32_t> order = product_->order();
   for (std::size_t c = 0; c < columns(); ++c) {
-    const auto first = staging_.begin() + static_cast<std::ptrdiff_t>(c * stride());
-    to[c].assign(first, first + size());
+    const float* column = staging_.data() + c * stride();
+    to[c].assign(column, column + size());
+    for (std::size_t k = 0; k < order.size(); ++k) to[c][order[k]] = column[k];
   }
 }
 
@@ -183,16 +165,13 @@ void Scheduler::download(const Vector& from, std::span<float> to) {
 }
 
 void Scheduler::apply(Vector& x, Vector& y) {
-  for (const PlacedPanel& panel : panels_) {
-    const MatvecArguments arguments{.n = size(),
-                                    .first = panel.first,
-                                    .rows = panel.rows,
-                                    .row_stride = form_factors_.stride(),
-                                    .vector_stride = stride()};
-    const std::array buffers{panel.buffer.get(), x.buffer_.get(), y.buffer_.get()};
-    device_->queue().launch(*matvec_, rounded_up(panel.rows, device_->info().rows_per_group), buffers,
-                            bytes_of(arguments), "y = F x");
-  }
+  product_->apply(*x.buffer_, *y.buffer_);
+  ++products_;
+}
+
+void Scheduler::exact_product(const Columns& x, std::vector<std::vector<double>>& y) {
+  if (x.size() != columns()) throw Error(ErrorKind::internal, "exact product: wrong number of columns");
+  product_->exact(x, y);
   ++products_;
 }
 

@@ -12,16 +12,19 @@
 #include "interflect/device/device.h"
 #include "interflect/device/kernel_arguments.h"
 #include "interflect/formfactor/form_factor_matrix.h"
+#include "interflect/formfactor/packed_matrix.h"
+#include "interflect/schedule/columns.h"
 
 namespace interflect {
-
-/// Columns of N values, one column per channel (and light group), each contiguous.
-using Columns = std::vector<std::vector<float>>;
 
 /// y = F x with every product and sum in double, on the host, from F as it is stored: any number of columns of N
 /// values. Independent of the devices, it is what a result is checked against. The same bits for every number of
 /// threads. Throws an internal Error for a column of another length.
 void exact_product(const FormFactorMatrix& form_factors, const Columns& x, std::vector<std::vector<double>>& y);
+/// The same for F as 16 bits have rounded it; x and y by patch.
+void exact_product(const PackedMatrix& form_factors, const Columns& x, std::vector<std::vector<double>>& y);
+
+class Product;
 
 /// C columns of n floats on the devices (stride padded to a multiple of 16), or a sums buffer. Made by a Scheduler, and
 /// gone with it: a Vector must not outlive its Scheduler.
@@ -49,20 +52,25 @@ class Scheduler {
   /// allocated, when panels and vectors exceed the device's memory or one row or vector exceeds its largest buffer;
   /// device Errors.
   Scheduler(const FormFactorMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);
+  /// The same for a 16-bit format: panels of strips or blocks. Vectors then lie in the matrix's own order of patches;
+  /// upload() and download() take and give columns by patch.
+  Scheduler(const PackedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
   ~Scheduler();
 
-  [[nodiscard]] std::uint32_t size() const { return form_factors_.size(); }        ///< N, patches
+  [[nodiscard]] std::uint32_t size() const { return arguments_.n; }                ///< N, patches
   [[nodiscard]] std::uint32_t columns() const { return arguments_.columns; }       ///< C
   [[nodiscard]] std::uint32_t stride() const { return arguments_.vector_stride; }  ///< of a Vector's columns, in floats
   [[nodiscard]] std::uint32_t blocks() const { return arguments_.blocks; }         ///< partial sums per column
+  [[nodiscard]] Storage storage() const;                                           ///< how F is stored
+  [[nodiscard]] std::uint64_t bytes() const;                                       ///< of F as it is stored
   [[nodiscard]] std::vector<std::string> device_ids() const;
   [[nodiscard]] Device& device() { return *device_; }
   /// The panels of F as they lie on the device: only to be read, and gone with the Scheduler.
   [[nodiscard]] std::vector<Buffer*> panel_buffers() const;
   /// Bytes of F that were copied to devices (0 where they use the host's memory in place).
-  [[nodiscard]] std::uint64_t uploaded_bytes() const { return uploaded_bytes_; }
+  [[nodiscard]] std::uint64_t uploaded_bytes() const;
   /// Applications of F so far: apply() and exact_product() each count one.
   [[nodiscard]] std::uint64_t products() const { return products_; }
 
@@ -84,7 +92,7 @@ class Scheduler {
   /// The head of a buffer. Waits: the one synchronisation that an iteration needs.
   void download(const Vector& from, std::span<float> to);
 
-  /// y = F x, panel by panel. x and y are different vectors.
+  /// y = F x of the stored F, panel by panel. x and y are different vectors.
   void apply(Vector& x, Vector& y);
   /// Enqueues a vector kernel over its buffers in the contract's order. `option` and `slot` as in VectorArguments.
   void run(const VectorKernel& kernel, std::initializer_list<Vector*> buffers, std::string_view label,
@@ -96,27 +104,17 @@ class Scheduler {
   void exact_product(const Columns& x, std::vector<std::vector<double>>& y);
 
  private:
-  struct PlacedPanel {
-    std::uint32_t first = 0, rows = 0;
-    const std::byte* data = nullptr;  ///< on the host
-    std::unique_ptr<Buffer> buffer;   ///< null until it is uploaded
-  };
-  [[nodiscard]] std::uint64_t row_bytes() const;
-  [[nodiscard]] std::uint32_t rows_that_fit() const;
-  void cut_panels();
+  Scheduler(std::vector<std::unique_ptr<Device>> devices, std::uint32_t size, std::uint32_t columns);
   void check_memory() const;
-  void upload_panels();
+  void place();
 
-  const FormFactorMatrix& form_factors_;
   std::vector<std::unique_ptr<Device>> devices_;
   Device* device_ = nullptr;
   VectorArguments arguments_;
   std::uint32_t groups_ = 0;
-  std::unique_ptr<Kernel> matvec_;
+  std::unique_ptr<Product> product_;
   std::map<std::string, std::shared_ptr<const Kernel>, std::less<>> kernels_;
-  std::vector<PlacedPanel> panels_;
   std::vector<float> staging_;
-  std::uint64_t uploaded_bytes_ = 0;
   std::uint64_t products_ = 0;
   double compile_seconds_ = 0;
 };

@@ -20,7 +20,11 @@ namespace interflect::omp {
 struct Launch : LaunchShape {
   std::span<const std::span<std::byte>> buffers;
 
-  [[nodiscard]] float* floats(std::size_t buffer) const { return reinterpret_cast<float*>(buffers[buffer].data()); }
+  template <class Value>
+  [[nodiscard]] Value* pointer(std::size_t buffer) const {
+    return reinterpret_cast<Value*>(buffers[buffer].data());
+  }
+  [[nodiscard]] float* floats(std::size_t buffer) const { return pointer<float>(buffer); }
 };
 
 using Function = void (*)(const Launch&);
@@ -30,6 +34,11 @@ using Function = void (*)(const Launch&);
 void copy(const Launch& launch);
 void matvec(const Launch& launch);
 void read(const Launch& launch);
+
+void scale(const Launch& launch);
+void tiles16(const Launch& launch);
+void sym16(const Launch& launch);
+void sym16_fold(const Launch& launch);
 
 void dot(const Launch& launch);
 void reduce(const Launch& launch);

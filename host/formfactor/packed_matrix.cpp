@@ -1,0 +1,119 @@
+#include "interflect/formfactor/packed_matrix.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+#include <numeric>
+#include <string>
+#include <utility>
+
+#include "interflect/base/error.h"
+
+namespace interflect {
+
+namespace {
+
+constexpr std::uint32_t padding = 16;
+
+std::uint32_t ceil_div(std::uint32_t a, std::uint32_t b) {
+  return (a + b - 1) / b;
+}
+
+/// Large enough that what a block adds up is small beside its elements, small enough for its slices of vectors to stay
+/// in a first-level cache and for a small matrix to have blocks for every core.
+std::uint32_t default_block(std::uint32_t n) {
+  const std::uint32_t wanted = ceil_div(ceil_div(n, 8), padding) * padding;
+  return std::clamp<std::uint32_t>(wanted, 128, 1024);
+}
+
+void check_order(std::span<const std::uint32_t> order, std::uint32_t n) {
+  if (order.size() != n) {
+    throw Error(ErrorKind::usage, fmt::format("storage: an order of {} places for {} patches", order.size(), n));
+  }
+  std::vector<bool> seen(n);
+  for (const std::uint32_t patch : order) {
+    if (patch >= n || seen[patch]) {
+      throw Error(ErrorKind::usage, fmt::format("storage: patch {} in the order is none or comes twice", patch));
+    }
+    seen[patch] = true;
+  }
+}
+
+}  // namespace
+
+PackedMatrix::PackedMatrix(const FormFactorMatrix& form_factors, std::span<const double> area, Storage storage,
+                           Options options)
+    : n_(form_factors.size()),
+      stride_(ceil_div(n_, padding) * padding),
+      storage_(storage),
+      max_panel_bytes_(options.max_panel_bytes),
+      order_(std::move(options.order)) {
+  if (storage == Storage::dense32) throw Error(ErrorKind::usage, "storage: dense32 is not a 16-bit format");
+  if (area.size() != n_) {
+    throw Error(ErrorKind::usage, fmt::format("storage: {} areas for {} patches", area.size(), n_));
+  }
+  if (order_.empty()) {
+    order_.resize(n_);
+    std::iota(order_.begin(), order_.end(), 0U);
+  }
+  check_order(order_, n_);
+  if (storage == Storage::sym16) {
+    block_ = options.block != 0 ? options.block : default_block(n_);
+    if (block_ % padding != 0) {
+      throw Error(ErrorKind::usage, fmt::format("storage: a block of {} rows is no multiple of {}", block_, padding));
+    }
+    block_rows_ = ceil_div(n_, block_);
+  }
+  set_scales(area);
+  try {
+    store_tiles(form_factors);
+  } catch (const std::bad_alloc&) {
+    throw Error(ErrorKind::limit, fmt::format("there is no memory for {} patches as {}", n_, name(storage)));
+  }
+}
+
+void PackedMatrix::set_scales(std::span<const double> area) {
+  const double mean = std::accumulate(area.begin(), area.end(), 0.0) / std::max(1.0, static_cast<double>(n_));
+  scale_in_.assign(stride_, 0.0F);
+  scale_out_.assign(stride_, 0.0F);
+  for (std::uint32_t k = 0; k < n_; ++k) {
+    const double a = area[order_[k]];
+    if (!std::isfinite(a) || !(a > 0)) {
+      throw Error(ErrorKind::input, fmt::format("area of patch {}: {} is not positive and finite", order_[k], a));
+    }
+    scale_in_[k] = static_cast<float>(std::sqrt(a / mean));
+    scale_out_[k] = 1.0F / (element_scale * scale_in_[k]);
+  }
+}
+
+/// The row of H at a place: stride_ halves.
+void PackedMatrix::place_row(const FormFactorMatrix& form_factors, std::uint32_t place, Half* out) const {
+  const float* row = form_factors.row(order_[place]).data();
+  const float scale = element_scale * scale_in_[place];
+  const float* in = scale_in_.data();
+  const std::uint32_t* from = order_.data();
+  for (std::uint32_t k = 0; k < n_; ++k) out[k] = to_half(row[from[k]] * (scale / in[k]));
+  std::fill(out + n_, out + stride_, Half{0});
+}
+
+void PackedMatrix::make_chunks(std::uint64_t max_bytes) {
+  const auto units = static_cast<std::uint32_t>(unit_begin_.size() - 1);
+  for (std::uint32_t first = 0; first < units;) {
+    std::uint32_t end = first + 1;
+    while (end < units && (unit_begin_[end + 1] - unit_begin_[first]) * sizeof(Half) <= max_bytes) ++end;
+    const std::uint64_t bytes = (unit_begin_[end] - unit_begin_[first]) * sizeof(Half);
+    chunks_.push_back({first, end, std::make_shared<PageBuffer>(std::max<std::uint64_t>(bytes, 64))});
+    first = end;
+  }
+}
+
+Half* PackedMatrix::elements(std::uint32_t unit) const {
+  const auto after =
+      std::partition_point(chunks_.begin(), chunks_.end(), [&](const Chunk& c) { return c.end <= unit; });
+  auto* memory = reinterpret_cast<Half*>(after->memory->data());
+  return memory + (unit_begin_[unit] - unit_begin_[after->first]);
+}
+
+}  // namespace interflect

@@ -1,0 +1,185 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <utility>
+
+#include "interflect/base/error.h"
+#include "interflect/schedule/product.h"
+#include "interflect/schedule/scheduler.h"
+
+namespace interflect {
+
+namespace {
+
+/// What the 16-bit formats share: panels of tiles with their index, the two scales, and x scaled once for all panels.
+///
+/// Traffic of a product beside that of the tiles, in column values: scale 2 reads, 1 write.
+class PackedProduct : public Product {
+ public:
+  [[nodiscard]] std::uint64_t needed_bytes() const override {
+    std::uint64_t needed = std::uint64_t{shape_.vector_stride} * sizeof(float) * (2 + shape_.columns);
+    for (const Panel& panel : panels_) {
+      needed +=
+          panel.from.index.size() * sizeof(std::uint32_t) + (panel.tiles == nullptr ? panel.from.elements.size() : 0);
+    }
+    return needed;
+  }
+  void place() override {
+    scale_ = compiled("scale", {});
+    compile();
+    for (Panel& panel : panels_) {
+      if (panel.tiles == nullptr) {
+        panel.tiles = panel.from.elements.empty() ? device_.allocate(sizeof(float)) : uploaded(panel.from.elements);
+        uploaded_bytes_ += panel.from.elements.size();
+      }
+      panel.index = uploaded(std::as_bytes(std::span(panel.from.index)));
+      uploaded_bytes_ += panel.index->size();
+      panel.from.index = {};
+    }
+    in_ = uploaded(std::as_bytes(form_factors_.scale_in()));
+    out_ = uploaded(std::as_bytes(form_factors_.scale_out()));
+    uploaded_bytes_ += in_->size() + out_->size();
+    scaled_ = device_.allocate(std::size_t{shape_.columns} * shape_.vector_stride * sizeof(float));
+  }
+  void apply(Buffer& x, Buffer& y) override {
+    const std::array buffers{&x, in_.get(), scaled_.get()};
+    launch(*scale_, groups_, buffers, shape_, "xs = s * x");
+    multiply(y);
+  }
+  [[nodiscard]] std::vector<Buffer*> panel_buffers() const override {
+    std::vector<Buffer*> buffers;
+    for (const Panel& panel : panels_) buffers.push_back(panel.tiles.get());
+    return buffers;
+  }
+  [[nodiscard]] Storage storage() const override { return form_factors_.storage(); }
+  [[nodiscard]] std::uint64_t bytes() const override { return form_factors_.bytes(); }
+  [[nodiscard]] std::span<const std::uint32_t> order() const override { return form_factors_.order(); }
+  void exact(const Columns& x, std::vector<std::vector<double>>& y) const override {
+    exact_product(form_factors_, x, y);
+  }
+
+ protected:
+  struct Panel {
+    PackedMatrix::Panel from;  ///< its index is dropped once it is uploaded
+    std::unique_ptr<Buffer> tiles, index;
+  };
+
+  PackedProduct(const PackedMatrix& form_factors, Device& device, const VectorArguments& shape, std::uint32_t groups,
+                std::uint64_t units_per_group)
+      : Product(device, shape, groups), form_factors_(form_factors) {
+    const DeviceInfo& info = device.info();
+    const std::uint64_t most_bytes =
+        info.max_buffer_bytes != 0 ? info.max_buffer_bytes : std::numeric_limits<std::uint64_t>::max();
+    const auto most_units = static_cast<std::uint32_t>(
+        std::min<std::uint64_t>(info.max_groups * units_per_group, std::numeric_limits<std::uint32_t>::max()));
+    try {
+      for (PackedMatrix::Panel& panel : form_factors.panels(most_bytes, most_units)) {
+        std::unique_ptr<Buffer> shared = panel.shared != nullptr ? device.share(panel.shared) : nullptr;
+        panels_.push_back({std::move(panel), std::move(shared), nullptr});
+      }
+    } catch (const Error& error) {
+      throw Error(error.kind(), fmt::format("{}: {}", info.id, error.what()));
+    }
+  }
+
+  virtual void compile() = 0;
+  virtual void multiply(Buffer& y) = 0;
+
+  const PackedMatrix& form_factors_;
+  std::vector<Panel> panels_;
+  std::unique_ptr<Kernel> scale_;
+  std::unique_ptr<Buffer> in_, out_, scaled_;
+};
+
+std::uint32_t strips_per_group(const DeviceInfo& info) {
+  return std::max(1U, info.rows_per_group / tile_rows);
+}
+
+/// dense16, tiled16: a launch of tiles16 for each panel.
+class TiledProduct final : public PackedProduct {
+ public:
+  TiledProduct(const PackedMatrix& form_factors, Device& device, const VectorArguments& shape, std::uint32_t groups)
+      : PackedProduct(form_factors, device, shape, groups, strips_per_group(device.info())) {}
+
+ private:
+  void compile() override {
+    kernel_ =
+        compiled("tiles16", {{"COLUMNS", columns()}, {"STRIPS", static_cast<int>(strips_per_group(device_.info()))}});
+  }
+  void multiply(Buffer& y) override {
+    const std::uint32_t strips = strips_per_group(device_.info());
+    for (const Panel& panel : panels_) {
+      const TileArguments arguments{.n = form_factors_.size(),
+                                    .first = panel.from.first * tile_rows,
+                                    .strips = panel.from.strips,
+                                    .tiles = panel.from.tiles,
+                                    .vector_stride = shape_.vector_stride};
+      const std::array buffers{panel.tiles.get(), panel.index.get(), scaled_.get(), out_.get(), &y};
+      launch(*kernel_, (arguments.strips + strips - 1) / strips, buffers, arguments, "y = F x");
+    }
+  }
+
+  std::unique_ptr<Kernel> kernel_;
+};
+
+/// sym16: a launch of sym16 for each panel, whose blocks write slots of their own, then sym16_fold.
+///
+/// Traffic of a product beside that of tiles and scale: 4 columns n block_rows bytes of partial sums, written and read.
+class SymmetricProduct final : public PackedProduct {
+ public:
+  SymmetricProduct(const PackedMatrix& form_factors, Device& device, const VectorArguments& shape, std::uint32_t groups)
+      : PackedProduct(form_factors, device, shape, groups, 1) {
+    const std::uint64_t most = device.info().max_buffer_bytes;
+    if (most != 0 && partial_bytes() > most) {
+      throw Error(ErrorKind::limit,
+                  fmt::format("{}: the partial sums of sym16 need {} bytes, the device's largest buffer "
+                              "has {}; use another storage format or device",
+                              device.info().id, partial_bytes(), most));
+    }
+  }
+  [[nodiscard]] std::uint64_t needed_bytes() const override { return PackedProduct::needed_bytes() + partial_bytes(); }
+
+ private:
+  [[nodiscard]] std::uint64_t partial_bytes() const {
+    return std::uint64_t{form_factors_.block_rows()} * form_factors_.block_rows() * shape_.columns *
+           form_factors_.block() * sizeof(float);
+  }
+  void compile() override {
+    kernel_ = compiled("sym16", {{"COLUMNS", columns()}, {"BLOCK", static_cast<int>(form_factors_.block())}});
+    fold_ = compiled("sym16_fold", {});
+    partial_ = device_.allocate(partial_bytes());
+  }
+  void multiply(Buffer& y) override {
+    for (const Panel& panel : panels_) {
+      const SymmetricArguments arguments{.blocks = panel.from.units,
+                                         .strips = panel.from.strips,
+                                         .tiles = panel.from.tiles,
+                                         .block_rows = form_factors_.block_rows(),
+                                         .vector_stride = shape_.vector_stride};
+      const std::array buffers{panel.tiles.get(), panel.index.get(), scaled_.get(), partial_.get()};
+      launch(*kernel_, arguments.blocks, buffers, arguments, "Blocks of F x");
+    }
+    VectorArguments arguments = shape_;
+    arguments.option = form_factors_.block();
+    arguments.slot = form_factors_.block_rows();
+    const std::array buffers{partial_.get(), out_.get(), &y};
+    launch(*fold_, groups_, buffers, arguments, "y = F x");
+  }
+
+  std::unique_ptr<Kernel> kernel_, fold_;
+  std::unique_ptr<Buffer> partial_;
+};
+
+}  // namespace
+
+std::unique_ptr<Product> make_product(const PackedMatrix& form_factors, Device& device, const VectorArguments& shape,
+                                      std::uint32_t groups) {
+  if (form_factors.storage() == Storage::sym16) {
+    return std::make_unique<SymmetricProduct>(form_factors, device, shape, groups);
+  }
+  return std::make_unique<TiledProduct>(form_factors, device, shape, groups);
+}
+
+}  // namespace interflect

@@ -1,0 +1,115 @@
+#include "interflect/schedule/product.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "interflect/base/error.h"
+#include "interflect/schedule/scheduler.h"
+
+namespace interflect {
+
+namespace {
+
+/// dense32: a launch of matvec for each panel.
+class DenseProduct final : public Product {
+ public:
+  DenseProduct(const FormFactorMatrix& form_factors, Device& device, const VectorArguments& shape, std::uint32_t groups)
+      : Product(device, shape, groups), form_factors_(form_factors) {
+    cut_panels();
+  }
+
+  [[nodiscard]] std::uint64_t needed_bytes() const override {
+    std::uint64_t needed = 0;
+    for (const Panel& panel : panels_) needed += panel.buffer == nullptr ? panel.rows * row_bytes() : 0;
+    return needed;
+  }
+  void place() override {
+    const auto rows = static_cast<int>(device_.info().rows_per_group);
+    matvec_ = compiled("matvec", {{"COLUMNS", columns()}, {"ROWS", rows}});
+    for (Panel& panel : panels_) {
+      if (panel.buffer != nullptr) continue;
+      const std::size_t bytes = panel.rows * row_bytes();
+      panel.buffer = uploaded({panel.data, bytes});
+      uploaded_bytes_ += bytes;
+    }
+  }
+  void apply(Buffer& x, Buffer& y) override {
+    const std::uint32_t rows = device_.info().rows_per_group;
+    for (const Panel& panel : panels_) {
+      const MatvecArguments arguments{.n = form_factors_.size(),
+                                      .first = panel.first,
+                                      .rows = panel.rows,
+                                      .row_stride = form_factors_.stride(),
+                                      .vector_stride = shape_.vector_stride};
+      const std::array buffers{panel.buffer.get(), &x, &y};
+      launch(*matvec_, (panel.rows + rows - 1) / rows, buffers, arguments, "y = F x");
+    }
+  }
+  [[nodiscard]] std::vector<Buffer*> panel_buffers() const override {
+    std::vector<Buffer*> buffers;
+    for (const Panel& panel : panels_) buffers.push_back(panel.buffer.get());
+    return buffers;
+  }
+  [[nodiscard]] Storage storage() const override { return Storage::dense32; }
+  [[nodiscard]] std::uint64_t bytes() const override { return form_factors_.bytes(); }
+  void exact(const Columns& x, std::vector<std::vector<double>>& y) const override {
+    exact_product(form_factors_, x, y);
+  }
+
+ private:
+  struct Panel {
+    std::uint32_t first = 0, rows = 0;
+    const std::byte* data = nullptr;  ///< on the host
+    std::unique_ptr<Buffer> buffer;   ///< null until it is uploaded
+  };
+
+  [[nodiscard]] std::uint64_t row_bytes() const { return std::uint64_t{form_factors_.stride()} * sizeof(float); }
+
+  /// The rows of the largest panel that the device's buffers and work-groups take: whole groups of rows if it can be.
+  [[nodiscard]] std::uint32_t rows_that_fit() const {
+    const DeviceInfo& info = device_.info();
+    const std::uint32_t n = form_factors_.size();
+    std::uint64_t rows = std::min<std::uint64_t>(n, std::uint64_t{info.max_groups} * info.rows_per_group);
+    if (info.max_buffer_bytes != 0) rows = std::min(rows, info.max_buffer_bytes / row_bytes());
+    if (rows < n && rows > info.rows_per_group) rows -= rows % info.rows_per_group;
+    return static_cast<std::uint32_t>(rows);
+  }
+
+  void cut_panels() {
+    const DeviceInfo& info = device_.info();
+    const std::uint32_t most = rows_that_fit();
+    if (most == 0) {
+      throw Error(ErrorKind::limit,
+                  fmt::format("{}: one row of the form factors has {} bytes, the device's largest buffer {}; use fewer "
+                              "patches or another device",
+                              info.id, row_bytes(), info.max_buffer_bytes));
+    }
+    for (const interflect::Panel& panel : form_factors_.panels()) {
+      std::unique_ptr<Buffer> shared = panel.rows <= most ? device_.share(panel.data) : nullptr;
+      if (shared != nullptr) {
+        panels_.push_back({panel.first, panel.rows, panel.data->data(), std::move(shared)});
+        continue;
+      }
+      for (std::uint32_t done = 0; done < panel.rows; done += most) {
+        panels_.push_back(
+            {panel.first + done, std::min(most, panel.rows - done), panel.data->data() + done * row_bytes(), nullptr});
+      }
+    }
+  }
+
+  const FormFactorMatrix& form_factors_;
+  std::unique_ptr<Kernel> matvec_;
+  std::vector<Panel> panels_;
+};
+
+}  // namespace
+
+std::unique_ptr<Product> make_product(const FormFactorMatrix& form_factors, Device& device,
+                                      const VectorArguments& shape, std::uint32_t groups) {
+  return std::make_unique<DenseProduct>(form_factors, device, shape, groups);
+}
+
+}  // namespace interflect

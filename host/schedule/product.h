@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "interflect/base/timer.h"
+#include "interflect/device/device.h"
+#include "interflect/device/kernel_arguments.h"
+#include "interflect/formfactor/form_factor_matrix.h"
+#include "interflect/formfactor/packed_matrix.h"
+#include "interflect/schedule/columns.h"
+
+namespace interflect {
+
+/// y = F x on one device, for one storage format: F's panels as they lie there and the kernels that apply them. What a
+/// Scheduler is made of; nobody else uses it.
+class Product {
+ public:
+  Product(const Product&) = delete;
+  Product& operator=(const Product&) = delete;
+  virtual ~Product() = default;
+
+  /// Bytes that place() will allocate on the device; panels in shared host memory need none.
+  [[nodiscard]] virtual std::uint64_t needed_bytes() const = 0;
+  /// Compiles the kernels, allocates and uploads. Throws device Errors.
+  virtual void place() = 0;
+  /// Enqueues y = F x over vectors of the Scheduler's shape, by place (order()).
+  virtual void apply(Buffer& x, Buffer& y) = 0;
+  /// The elements of F on the device.
+  [[nodiscard]] virtual std::vector<Buffer*> panel_buffers() const = 0;
+
+  [[nodiscard]] virtual Storage storage() const = 0;
+  [[nodiscard]] virtual std::uint64_t bytes() const = 0;  ///< of F as it is stored
+  /// order()[k] is the patch at place k of a vector; empty: patch k.
+  [[nodiscard]] virtual std::span<const std::uint32_t> order() const { return {}; }
+  /// F x of the stored matrix in double, by patch.
+  virtual void exact(const Columns& x, std::vector<std::vector<double>>& y) const = 0;
+
+  [[nodiscard]] std::uint64_t uploaded_bytes() const { return uploaded_bytes_; }
+  [[nodiscard]] double compile_seconds() const { return compile_seconds_; }
+
+ protected:
+  /// `shape` has n, vector_stride, columns and blocks of the vectors, and the launch shape of vector kernels.
+  Product(Device& device, const VectorArguments& shape, std::uint32_t groups)
+      : device_(device), shape_(shape), groups_(groups) {}
+
+  [[nodiscard]] std::unique_ptr<Kernel> compiled(std::string_view name, const Macros& macros) {
+    const Timer timer;
+    auto kernel = device_.kernel(name, macros);
+    compile_seconds_ += timer.seconds();
+    return kernel;
+  }
+  [[nodiscard]] std::unique_ptr<Buffer> uploaded(std::span<const std::byte> bytes) {
+    auto buffer = device_.allocate(bytes.size());
+    device_.queue().upload(*buffer, 0, bytes);
+    return buffer;
+  }
+  template <class Arguments>
+  void launch(const Kernel& kernel, std::uint32_t groups, std::span<Buffer* const> buffers, const Arguments& arguments,
+              std::string_view label) {
+    device_.queue().launch(kernel, groups, buffers, std::as_bytes(std::span(&arguments, 1)), label);
+  }
+  [[nodiscard]] int columns() const { return static_cast<int>(shape_.columns); }
+
+  Device& device_;
+  VectorArguments shape_;
+  std::uint32_t groups_;
+  std::uint64_t uploaded_bytes_ = 0;
+  double compile_seconds_ = 0;
+};
+
+/// Plans where F's panels go, without allocating. Throws a limit Error where one row (strip, block) exceeds the
+/// device's largest buffer. The matrix must outlive the Product.
+[[nodiscard]] std::unique_ptr<Product> make_product(const FormFactorMatrix& form_factors, Device& device,
+                                                    const VectorArguments& shape, std::uint32_t groups);
+[[nodiscard]] std::unique_ptr<Product> make_product(const PackedMatrix& form_factors, Device& device,
+                                                    const VectorArguments& shape, std::uint32_t groups);
+
+}  // namespace interflect
