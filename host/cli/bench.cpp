@@ -9,6 +9,7 @@
 #include "bench_plot.h"
 #include "bench_read.h"
 #include "bench_rows.h"
+#include "bench_stored.h"
 #include "commands.h"
 #include "console.h"
 #include "interflect/base/error.h"
@@ -47,29 +48,6 @@ DeviceInfo info_of(const std::string& id, bool alone) {
     info.name = first_line(error.what());
     return info;
   }
-}
-
-/// "dense32,sym16" or "all". Throws a usage Error for a storage that is not one, or is named twice.
-std::vector<Storage> parse_storages(const std::string& text) {
-  const std::vector<Storage> known{Storage::dense32};
-  if (text == "all") return known;
-  std::vector<Storage> storages;
-  for (std::size_t at = 0; at <= text.size();) {
-    const std::size_t end = std::min(text.find(',', at), text.size());
-    const std::string one = text.substr(at, end - at);
-    const auto found = std::find_if(known.begin(), known.end(), [&](Storage storage) { return name(storage) == one; });
-    if (found == known.end()) {
-      std::string names = "all";
-      for (const Storage storage : known) names += ", " + std::string(name(storage));
-      throw Error(ErrorKind::usage, fmt::format("--storage: '{}' is no storage; there are {}", one, names));
-    }
-    if (std::find(storages.begin(), storages.end(), *found) != storages.end()) {
-      throw Error(ErrorKind::usage, fmt::format("--storage: {} is named twice", one));
-    }
-    storages.push_back(*found);
-    at = end + 1;
-  }
-  return storages;
 }
 
 /// Rooms that are asked for: all, or those that are named; none of its own accord when growth is asked for.

@@ -124,7 +124,7 @@ double device_rate(const std::vector<BenchRow>& rows, const std::string& device,
 
 double launch_seconds(const std::vector<BenchRow>& rows, const std::string& device) {
   const BenchRow* row = verified(rows, device, "launch");
-  return row == nullptr ? 0 : row->seconds;
+  return row == nullptr ? 0 : row->seconds_min;
 }
 
 std::vector<BenchRow> bench_devices(const std::vector<std::string>& devices, unsigned repetitions) {

@@ -15,7 +15,7 @@ namespace interflect::cli {
 namespace {
 
 constexpr std::uint32_t first_size = 1000, sizes = 6;  // 1k to 32k
-constexpr const char* family = "room-9680.obj";
+constexpr const char* family = "room-1312.obj";
 
 /// Large sizes spread less and cost more.
 unsigned repetitions_for(std::uint32_t n, unsigned asked) {
@@ -31,33 +31,26 @@ void check_memory(std::uint32_t n) {
   throw Error(ErrorKind::limit, fmt::format("F takes {:.2f} GiB, {:.2f} may be used", gib(needed), gib(available)));
 }
 
-std::vector<BenchRow> measured_rows(const BenchPlan& plan, const FormFactorMatrix& matrix, const BenchRow& base) {
+/// One storage on every device in turn.
+void append_rows(std::vector<BenchRow>& rows, const BenchPlan& plan, const Stored& matrix, const BenchRow& base) {
   std::vector<Measurement> all;
   for (const std::string& id : plan.devices) {
     BenchRow row = base;
     row.device = id;
-    row.storage = std::string(name(matrix.storage()));
-    set_product(row, matrix);
+    matrix.describe_product(row);
     add(all, row, [&] { return multiplying(std::make_shared<Place>(id, matrix)); });
   }
   measure(all, repetitions_for(base.n, plan.repetitions));
-  std::vector<BenchRow> rows;
-  rows.reserve(all.size());
   for (const Measurement& one : all) rows.push_back(one.row);
-  return rows;
 }
 
-/// A row for every device and storage that says why there is none.
-std::vector<BenchRow> refused(const BenchPlan& plan, const BenchRow& why) {
-  std::vector<BenchRow> rows;
+/// A row for every device that says why there is none.
+void append_refused(std::vector<BenchRow>& rows, const BenchPlan& plan, const BenchRow& why, Storage storage) {
   for (const std::string& id : plan.devices) {
-    for (const Storage storage : plan.storages) {
-      rows.push_back(why);
-      rows.back().device = id;
-      rows.back().storage = std::string(name(storage));
-    }
+    rows.push_back(why);
+    rows.back().device = id;
+    rows.back().storage = std::string(name(storage));
   }
-  return rows;
 }
 
 std::vector<BenchRow> step(const BenchPlan& plan, std::uint32_t patches, ProgressSink& progress) {
@@ -70,15 +63,23 @@ std::vector<BenchRow> step(const BenchPlan& plan, std::uint32_t patches, Progres
   base.n = patches;
   base.scene = std::filesystem::path(family).stem().string();
   std::vector<BenchRow> rows;
-  const bool done = guarded(base, [&] {
-    const MeshedScene scene = load(options, progress);
-    base.scene = scene.scene.name;
+  MeshedScene scene;
+  FormFactors factors;
+  const bool loaded = guarded(base, [&] {
+    scene = load(options, progress);
     base.n = static_cast<std::uint32_t>(scene.mesh.size());
     check_memory(base.n);
-    const FormFactors factors = assemble_checked(scene, options, progress);
-    rows = measured_rows(plan, factors.matrix, base);
+    factors = assemble_checked(scene, options, progress);
   });
-  return done ? rows : refused(plan, base);
+  for (const Storage storage : plan.storages) {
+    BenchRow why = base;
+    const bool measured = loaded && guarded(why, [&] {
+                            const Stored matrix(factors.matrix, scene.mesh.area, storage);
+                            append_rows(rows, plan, matrix, base);
+                          });
+    if (!measured) append_refused(rows, plan, why, storage);
+  }
+  return rows;
 }
 
 }  // namespace

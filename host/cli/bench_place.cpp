@@ -5,7 +5,6 @@
 #include <limits>
 
 #include "interflect/base/timer.h"
-#include "interflect/device/check.h"
 #include "interflect/device/registry.h"
 
 namespace interflect::cli {
@@ -21,11 +20,11 @@ Columns test_vector(std::uint32_t n) {
 }
 
 /// Places F through `device`, which stays with the Scheduler. `seconds` gets the time less that of the compiler.
-std::unique_ptr<Scheduler> placed(std::unique_ptr<Device> device, const FormFactorMatrix& matrix, double& seconds) {
+std::unique_ptr<Scheduler> placed(std::unique_ptr<Device> device, const Stored& matrix, double& seconds) {
   std::vector<std::unique_ptr<Device>> devices;
   devices.push_back(std::move(device));
   const Timer timer;
-  auto scheduler = std::make_unique<Scheduler>(matrix, std::move(devices), bench_channels);
+  auto scheduler = matrix.place(std::move(devices), bench_channels);
   scheduler->wait();
   seconds = std::max(0.0, timer.seconds() - scheduler->compile_seconds());
   return scheduler;
@@ -39,8 +38,9 @@ std::unique_ptr<CountingDevice> opened(const std::string& id, CountingDevice*& s
 
 }  // namespace
 
-Place::Place(const std::string& id, const FormFactorMatrix& matrix)
-    : scheduler_(placed(opened(id, device_), matrix, upload_seconds_)),
+Place::Place(const std::string& id, const Stored& matrix)
+    : bound_(matrix.bound()),
+      scheduler_(placed(opened(id, device_), matrix, upload_seconds_)),
       x_(scheduler_->vector()),
       y_(scheduler_->vector()) {
   for (const char* kernel : {"bounce", "cg_product", "cg_step", "bicgstab_product", "bicgstab_half", "bicgstab_step"}) {
@@ -49,8 +49,9 @@ Place::Place(const std::string& id, const FormFactorMatrix& matrix)
   const CompileStatistics now = compile_statistics();
   compiled_.compiled = now.compiled - compiled_.compiled;
   compiled_.from_cache = now.from_cache - compiled_.from_cache;
-  for (const int streams : reader_streams) readers_.emplace_back(*device_, scheduler_->panel_buffers(), streams);
   scheduler_->upload(x_, test_vector(scheduler_->size()));
+  if (matrix.storage() != Storage::dense32) return;
+  for (const int streams : reader_streams) readers_.emplace_back(*device_, scheduler_->panel_buffers(), streams);
 }
 
 Timed reading(const SharedPlace& place, double exact) {
@@ -73,14 +74,6 @@ Timed reading(const SharedPlace& place, double exact) {
               }};
 }
 
-void set_product(BenchRow& row, const FormFactorMatrix& matrix) {
-  const std::uint64_t vector = std::uint64_t{row.columns} * matrix.size() * sizeof(float);
-  row.bytes = matrix.bytes() + 2 * vector;
-  row.bytes_written = vector;
-  row.flops = std::uint64_t{2} * row.columns * matrix.size() * matrix.size();
-  row.products = 1;
-}
-
 void verify_product(BenchRow& row, Place& place) {
   Columns y;
   place.scheduler().download(place.y(), y);
@@ -94,7 +87,7 @@ void verify_product(BenchRow& row, Place& place) {
       row.error = relative <= row.error ? row.error : relative;
     }
   }
-  row.bound = matvec_bound(place.scheduler().size());
+  row.bound = place.bound();
   if (!(row.error <= row.bound)) deny(row, "differs from the fp64 reference");
 }
 

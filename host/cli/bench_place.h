@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "bench_row.h"
+#include "bench_stored.h"
 #include "counting_device.h"
 #include "interflect/device/bandwidth.h"
 #include "interflect/device/compile_cache.h"
@@ -19,7 +20,7 @@ inline constexpr std::uint32_t bench_channels = 3;
 class Place {
  public:
   /// Opens the device and places F; throws what that throws.
-  Place(const std::string& id, const FormFactorMatrix& matrix);
+  Place(const std::string& id, const Stored& matrix);
 
   [[nodiscard]] Scheduler& scheduler() { return *scheduler_; }
   [[nodiscard]] const DeviceInfo& info() const { return device_->info(); }
@@ -29,13 +30,16 @@ class Place {
   /// The matvec and what the solvers run over vectors: compiled, or loaded from the cache.
   [[nodiscard]] double compile_seconds() const { return scheduler_->compile_seconds(); }
   [[nodiscard]] const CompileStatistics& compiled() const { return compiled_; }
+  /// Over the panels of dense32; none for others, whose elements are no floats.
   [[nodiscard]] std::vector<Reader>& readers() { return readers_; }
+  /// What the kernels' contract allows an element of a product.
+  [[nodiscard]] double bound() const { return bound_; }
   [[nodiscard]] Vector& x() { return x_; }
   [[nodiscard]] Vector& y() { return y_; }
 
  private:
   CountingDevice* device_ = nullptr;  ///< the Scheduler's
-  double upload_seconds_ = 0;
+  double upload_seconds_ = 0, bound_ = 0;
   CompileStatistics compiled_ = compile_statistics();  ///< of before; then of this place alone
   std::unique_ptr<Scheduler> scheduler_;
   std::vector<Reader> readers_;
@@ -43,15 +47,12 @@ class Place {
 };
 using SharedPlace = std::shared_ptr<Place>;
 
-/// The read kernel over F as it lies on the device, the best of the stream counts in every pass; the sums are held
-/// against `exact`, that of all form factors in double.
+/// The read kernel over dense32 as it lies on the device, the best of the stream counts in every pass; the sums are
+/// held against `exact`, that of all form factors in double.
 [[nodiscard]] Timed reading(const SharedPlace& place, double exact);
 
 /// One product of F with three columns; held against the product in double within the kernel's own bound.
 [[nodiscard]] Timed multiplying(const SharedPlace& place);
-
-/// Sets bytes and operations of one product of `columns` columns: F as it is stored, x read and y written.
-void set_product(BenchRow& row, const FormFactorMatrix& matrix);
 
 /// Judges the product that the place computed last: fills error and bound, denies the row when it is wrong.
 void verify_product(BenchRow& row, Place& place);

@@ -1,4 +1,7 @@
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <utility>
@@ -23,7 +26,7 @@ struct Loaded {
 /// F in one storage on one device.
 struct Site {
   BenchRow base;  ///< device, scene, storage, n, columns
-  const FormFactorMatrix* matrix = nullptr;
+  const Stored* matrix = nullptr;
   SharedPlace place;
   bool asked = true;  ///< false: only there to read the dense matrix
   [[nodiscard]] bool dense() const { return matrix->storage() == Storage::dense32; }
@@ -86,20 +89,42 @@ void place(Site& site, unsigned repetitions, std::vector<BenchRow>& rows) {
 /// What a solve left.
 struct Last {
   SolveReport report;
+  std::vector<Rgb> radiosity;
   std::uint64_t launches = 0;
 };
 
-Timed solving(const Site& site, const Loaded& room, Method method) {
+/// The largest |a − b| of all patches and channels; of |a| without b.
+double largest_of(const std::vector<Rgb>& a, const std::vector<Rgb>* b) {
+  double largest = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    for (std::size_t c = 0; c < bench_channels; ++c) {
+      largest = std::max(largest, std::abs(a[i][c] - (b != nullptr ? (*b)[i][c] : 0)));
+    }
+  }
+  return largest;
+}
+
+/// The radiosities of dense32, on the first device that has it.
+std::vector<Rgb> dense_radiosity(const std::vector<Site>& sites, const Loaded& room) {
+  const auto dense = std::find_if(sites.begin(), sites.end(), [](const Site& site) { return site.dense(); });
+  if (dense == sites.end()) return {};
+  return solve_placed(dense->place->scheduler(), room.scene.mesh, Method::cg, StopTest{}).radiosity;
+}
+
+/// `reference`: of dense32, or empty.
+Timed solving(const Site& site, const Loaded& room, Method method, const std::vector<Rgb>& reference) {
   const auto last = std::make_shared<Last>();
   return {.pass =
               [place = site.place, last, method, &room] {
                 const std::uint64_t before = place->launches();
-                last->report = solve_placed(place->scheduler(), room.scene.mesh, method, StopTest{}).report;
+                Solved solved = solve_placed(place->scheduler(), room.scene.mesh, method, StopTest{});
+                last->report = std::move(solved.report);
+                last->radiosity = std::move(solved.radiosity);
                 last->launches = place->launches() - before;
                 return last->report.seconds;
               },
           .verify =
-              [last, matrix = site.matrix](BenchRow& judged) {
+              [last, &reference, matrix = site.matrix](BenchRow& judged) {
                 const SolveReport& report = last->report;
                 judged.products = report.products;
                 judged.launches = last->launches;
@@ -107,6 +132,10 @@ Timed solving(const Site& site, const Loaded& room, Method method) {
                 judged.flops = std::uint64_t{2} * report.products * judged.columns * judged.n * judged.n;
                 judged.error = *std::max_element(report.relative_residual.begin(), report.relative_residual.end());
                 judged.bound = StopTest{}.tolerance;
+                if (matrix->storage() != Storage::dense32 && !reference.empty()) {
+                  judged.note = fmt::format("radiosity differs from dense32's by {:.1e} of the maximum",
+                                            largest_of(last->radiosity, &reference) / largest_of(reference, nullptr));
+                }
                 if (!(judged.error <= judged.bound)) deny(judged, "not converged");
               }};
 }
@@ -137,7 +166,7 @@ std::vector<BenchRow> products(const std::vector<Site>& sites, const Loaded& roo
     }
     if (!site.asked) continue;
     row.what = "matvec";
-    set_product(row, *site.matrix);
+    site.matrix->describe_product(row);
     add(all, row, [&] { return multiplying(site.place); });
   }
   if (machine != nullptr) {
@@ -172,12 +201,14 @@ std::vector<BenchRow> products(const std::vector<Site>& sites, const Loaded& roo
 std::vector<BenchRow> solves(const std::vector<Site>& sites, const Loaded& room, unsigned repetitions,
                              const std::vector<BenchRow>& measured) {
   std::vector<Measurement> all;
+  const bool others = std::any_of(sites.begin(), sites.end(), [](const Site& site) { return !site.dense(); });
+  const std::vector<Rgb> reference = others ? dense_radiosity(sites, room) : std::vector<Rgb>{};
   for (const Site& site : sites) {
     if (!site.asked) continue;
     for (const Method method : {Method::cg, Method::bicgstab, Method::jacobi}) {
       BenchRow row = site.base;
       row.what = "solve:" + std::string(name(method));
-      add(all, row, [&] { return solving(site, room, method); });
+      add(all, row, [&] { return solving(site, room, method, reference); });
     }
   }
   measure(all, repetitions);
@@ -191,22 +222,34 @@ std::vector<BenchRow> solves(const std::vector<Site>& sites, const Loaded& room,
   return rows;
 }
 
-/// The sites of a room, dense32 first and always: its reading is what the others are compared with.
-std::vector<Site> sites_of(const BenchPlan& plan, const Loaded& room, const std::vector<FormFactorMatrix>& others) {
-  const bool dense = std::find(plan.storages.begin(), plan.storages.end(), Storage::dense32) != plan.storages.end();
+/// F in each storage of the plan, dense32 first and always: its reading is what the others are compared with.
+std::vector<std::unique_ptr<Stored>> matrices_of(const BenchPlan& plan, const Loaded& room) {
+  std::vector<std::unique_ptr<Stored>> matrices;
+  const auto add = [&](Storage storage) {
+    matrices.push_back(std::make_unique<Stored>(room.factors.matrix, room.scene.mesh.area, storage));
+  };
+  add(Storage::dense32);
+  for (const Storage storage : plan.storages) {
+    if (storage != Storage::dense32) add(storage);
+  }
+  return matrices;
+}
+
+std::vector<Site> sites_of(const BenchPlan& plan, const Loaded& room,
+                           const std::vector<std::unique_ptr<Stored>>& matrices) {
   std::vector<Site> sites;
   for (const std::string& id : plan.devices) {
-    const auto site = [&](const FormFactorMatrix& matrix, bool asked) {
+    for (const auto& matrix : matrices) {
       BenchRow base;
       base.device = id;
       base.scene = room.scene.scene.name;
-      base.storage = std::string(name(matrix.storage()));
-      base.n = matrix.size();
+      base.storage = std::string(name(matrix->storage()));
+      base.n = matrix->size();
       base.columns = bench_channels;
-      sites.push_back({base, &matrix, nullptr, asked});
-    };
-    site(room.factors.matrix, dense);
-    for (const FormFactorMatrix& matrix : others) site(matrix, true);
+      const bool asked =
+          std::find(plan.storages.begin(), plan.storages.end(), matrix->storage()) != plan.storages.end();
+      sites.push_back({base, matrix.get(), nullptr, asked});
+    }
   }
   return sites;
 }
@@ -216,17 +259,16 @@ std::vector<Site> sites_of(const BenchPlan& plan, const Loaded& room, const std:
 std::vector<BenchRow> bench_room(const BenchPlan& plan, const Room& room, const std::vector<BenchRow>& measured,
                                  ProgressSink& progress) {
   const Loaded loaded = load_room(plan.folder, room, progress);
-  const std::vector<FormFactorMatrix> others;
+  const std::vector<std::unique_ptr<Stored>> matrices = matrices_of(plan, loaded);
   std::vector<BenchRow> rows;
-  std::vector<Site> sites = sites_of(plan, loaded, others);
+  std::vector<Site> sites = sites_of(plan, loaded, matrices);
   for (Site& site : sites) place(site, plan.repetitions, rows);
   std::erase_if(sites, [](const Site& site) { return site.place == nullptr; });
   const bool any_cpu = std::any_of(sites.begin(), sites.end(),
                                    [](const Site& site) { return site.place->info().type == DeviceType::cpu; });
   const bool has_openmp = std::find(plan.devices.begin(), plan.devices.end(), "openmp") != plan.devices.end();
   // What the machine's memory gives in the same seconds: F is shared, so that it costs none.
-  const SharedPlace machine =
-      any_cpu && !has_openmp ? std::make_shared<Place>("openmp", loaded.factors.matrix) : nullptr;
+  const SharedPlace machine = any_cpu && !has_openmp ? std::make_shared<Place>("openmp", *matrices.front()) : nullptr;
   const auto append = [&](std::vector<BenchRow> more) { rows.insert(rows.end(), more.begin(), more.end()); };
   append(products(sites, loaded, plan.repetitions, machine));
   append(solves(sites, loaded, std::max(1U, plan.repetitions / 3), measured));

@@ -26,9 +26,9 @@ using RowSink = std::function<void(const std::vector<BenchRow>&)>;
 /// and waited for one by one as "launch+wait"), the vector kernels over vectors that no cache holds.
 [[nodiscard]] std::vector<BenchRow> bench_devices(const std::vector<std::string>& devices, unsigned repetitions);
 
-/// The rate of a device's "read" or "copy", or the seconds of its "launch", among verified rows that need no scene; 0
-/// when it is not there.
+/// The rate of a device's "read" or "copy" among verified rows that need no scene; 0 when it is not there.
 [[nodiscard]] double device_rate(const std::vector<BenchRow>& rows, const std::string& device, std::string_view what);
+/// The least seconds of its "launch": what disturbs one is not its own.
 [[nodiscard]] double launch_seconds(const std::vector<BenchRow>& rows, const std::string& device);
 
 /// Rows for one room on every device in turn: placing F (upload, and compile where the device has a compiler), the read

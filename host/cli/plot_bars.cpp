@@ -9,7 +9,7 @@ namespace interflect::cli {
 
 namespace {
 
-constexpr double bar = 12, gap = 9, right_room = 200;
+constexpr double bar = 12, gap = 9, right_room = 235;
 
 /// Rows of one label, a line for each device.
 struct Group {
@@ -115,6 +115,7 @@ Figure shares(const std::vector<BenchRow>& rows) {
   }
   const Axis x(0, std::ceil(most * 5) / 5, lines.left, figure_width - 80, false);
   draw_x_axis(svg, x, lines.top, lines.bottom, "share of the ceiling", &plain);
+  svg.line(x.at(1), lines.top, x.at(1), lines.bottom, "copy");
   for_each_line(svg, lines, [&](const BenchRow& row, double y) {
     const double share = *row.share_of_ceiling();
     const std::string text = fmt::format("{:.2f}", share);
@@ -123,7 +124,6 @@ Figure shares(const std::vector<BenchRow>& rows) {
              fmt::format("{} {}: {} of {:.3g} GB/s", row.device, label_of(row), text, *row.ceiling));
     svg.text(x.at(share) + 5, y + 4, text, "dim small");
   });
-  svg.line(x.at(1), lines.top, x.at(1), lines.bottom, "copy");
   figure.height = lines.bottom + 42;
   figure.body = svg.body();
   return figure;

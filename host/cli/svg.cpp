@@ -142,7 +142,8 @@ std::string style_sheet() {
                     variables(dark, "#17181c", "#ececf0", "#a5a5b0", "#2e3037", "#777784") + "}\n" +
                     ":root{color-scheme:light dark;background:var(--ground);color:var(--ink)}\n"
                     "svg{background:var(--ground)}\n"
-                    "text{font:12px system-ui,'Helvetica Neue',Arial,sans-serif;fill:var(--ink)}\n"
+                    "text{font:12px system-ui,'Helvetica Neue',Arial,sans-serif;fill:var(--ink);"
+                    "stroke:var(--ground);stroke-width:3px;paint-order:stroke;stroke-linejoin:round}\n"
                     "text.dim{fill:var(--dim)}\n"
                     "text.strong{font-weight:600;font-size:13px}\n"
                     "text.head{font-weight:600;font-size:17px}\n"
