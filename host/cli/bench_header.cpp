@@ -102,8 +102,12 @@ std::string header_text(const ordered_json& header) {
     }
   }
   if (header.contains("load_average")) {
-    out +=
-        fmt::format("load average {}, {} OpenMP threads", field(header, "load_average"), field(header, "omp_threads"));
+    std::string loads;
+    for (const ordered_json& load : header.at("load_average")) {
+      if (load.is_number()) loads += fmt::format(" {:.2f}", load.get<double>());
+    }
+    out += fmt::format("load average{}, {} OpenMP threads", loads.empty() ? " unknown" : loads,
+                       field(header, "omp_threads"));
     if (header.contains("settings") && header.at("settings").is_object()) {
       for (const auto& [name, value] : header.at("settings").items()) out += ", " + name + "=" + text_of(value);
     }

@@ -57,8 +57,8 @@ class Axis {
   [[nodiscard]] double high() const { return high_; }
   [[nodiscard]] double from() const { return from_; }
   [[nodiscard]] double to() const { return to_; }
-  /// Round values within, few enough for labels.
-  [[nodiscard]] std::vector<double> ticks() const;
+  /// Round values within, so few that each label has `room` pixels.
+  [[nodiscard]] std::vector<double> ticks(double room) const;
 
  private:
   double low_, high_, from_, to_;

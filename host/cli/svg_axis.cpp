@@ -8,6 +8,12 @@
 
 namespace interflect::cli {
 
+namespace {
+
+constexpr double label_width = 46, label_height = 24;  // pixels, with what is to be free around them
+
+}  // namespace
+
 Axis::Axis(double low, double high, double from, double to, bool logarithmic)
     : low_(low), high_(high), from_(from), to_(to), logarithmic_(logarithmic) {}
 
@@ -28,7 +34,23 @@ double Axis::at(double value) const {
   return from_ + std::clamp(share, 0.0, 1.0) * (to_ - from_);
 }
 
-std::vector<double> Axis::ticks() const {
+namespace {
+
+/// Multiples of the steps in every decade within [low, high].
+std::vector<double> decade_ticks(double low, double high, const std::vector<double>& steps) {
+  std::vector<double> found;
+  for (double power = std::floor(std::log10(low)); power <= std::log10(high); ++power) {
+    for (const double step : steps) {
+      const double value = step * std::pow(10, power);
+      if (value >= low && value <= high) found.push_back(value);
+    }
+  }
+  return found;
+}
+
+}  // namespace
+
+std::vector<double> Axis::ticks(double room) const {
   std::vector<double> found;
   if (!logarithmic_) {
     const double rough = (high_ - low_) / 6, power = std::pow(10, std::floor(std::log10(rough)));
@@ -36,26 +58,22 @@ std::vector<double> Axis::ticks() const {
     for (double k = std::ceil(low_ / step); k * step <= high_ * (1 + 1e-9); ++k) found.push_back(k * step);
     return found;
   }
-  const double decades = std::log10(high_ / low_);
-  const std::vector<double> steps = decades > 4     ? std::vector<double>{1}
-                                    : decades > 1.2 ? std::vector<double>{1, 2, 5}
-                                                    : std::vector<double>{1, 1.5, 2, 3, 4, 5, 6, 8};
-  for (double power = std::floor(std::log10(low_)); power <= std::log10(high_); ++power) {
-    for (const double step : steps) {
-      const double value = step * std::pow(10, power);
-      if (value >= low_ && value <= high_) found.push_back(value);
-    }
+  const std::vector<std::vector<double>> choices{{1, 1.5, 2, 3, 4, 5, 6, 8}, {1, 2, 3, 5}, {1, 2, 5}, {1, 3}, {1}};
+  for (const std::vector<double>& steps : choices) {
+    found = decade_ticks(low_, high_, steps);
+    bool fits = true;
+    for (std::size_t k = 1; k < found.size(); ++k) fits = fits && std::abs(at(found[k]) - at(found[k - 1])) >= room;
+    if (fits) return found;
   }
-  // Labels need about 38 pixels each.
-  const auto most = static_cast<std::size_t>(std::max(2.0, std::abs(to_ - from_) / 38));
-  const std::size_t every = (found.size() + most - 1) / most;
-  std::vector<double> thinned;
-  for (std::size_t k = 0; every > 0 && k < found.size(); k += every) thinned.push_back(found[k]);
+  std::vector<double> thinned;  // every so many decades
+  for (const double value : found) {
+    if (thinned.empty() || std::abs(at(value) - at(thinned.back())) >= room) thinned.push_back(value);
+  }
   return thinned;
 }
 
 void draw_x_axis(Svg& svg, const Axis& x, double top, double bottom, std::string_view name, Label label) {
-  for (const double tick : x.ticks()) {
+  for (const double tick : x.ticks(label_width)) {
     svg.line(x.at(tick), top, x.at(tick), bottom, "grid");
     svg.text(x.at(tick), bottom + 15, label(tick), "dim small", Svg::Anchor::middle);
   }
@@ -67,7 +85,7 @@ void draw_axes(Svg& svg, const Axis& x, const Axis& y, std::string_view x_name, 
                Label y_label) {
   draw_x_axis(svg, x, y.to(), y.from(), x_name, x_label);
   double widest = 0;
-  for (const double tick : y.ticks()) {
+  for (const double tick : y.ticks(label_height)) {
     const std::string text = y_label(tick);
     widest = std::max(widest, text_width(text, 11));
     svg.line(x.from(), y.at(tick), x.to(), y.at(tick), "grid");
