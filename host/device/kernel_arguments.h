@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "interflect/base/tile.h"
+
 // The argument blocks of the kernels: plain structs of 32-bit values, the same bytes in every language.
 // kernels/README.md gives each kernel's reference loop and buffers.
 
@@ -19,8 +21,6 @@ struct MatvecArguments {
 
 // The 16-bit formats. Elements are fp16 (halves); x comes scaled, from the kernel `scale`, with zeros behind its n
 // elements; a tile is 8 rows x 16 columns, row-major, and begins at multiples of these.
-
-inline constexpr std::uint32_t tile_rows = 8, tile_columns = 16, tile_elements = tile_rows * tile_columns;
 
 /// tiles16: y[c, i] = scale[i] * Σ over the tiles t of strip s of Σ_l tile[t][q][l] * x[c, 16 * column[t] + l] for the
 /// rows i = first + 8 s + q < n of the panel's strips. index: tile_begin[strips + 1], column[tiles].

@@ -8,6 +8,7 @@
 
 #include "interflect/base/half.h"
 #include "interflect/base/memory.h"
+#include "interflect/base/tile.h"
 #include "interflect/formfactor/form_factor_matrix.h"
 #include "interflect/formfactor/storage.h"
 
@@ -31,7 +32,6 @@ namespace interflect {
 /// it, so that each element is used once for its row and once for its column, without exceptions.
 class PackedMatrix {
  public:
-  static constexpr std::uint32_t tile_rows = 8, tile_columns = 16, tile_elements = tile_rows * tile_columns;
   static constexpr float element_scale = 32768;  ///< the 2^15
 
   struct Options {

@@ -12,11 +12,10 @@ namespace interflect {
 
 namespace {
 
-constexpr std::uint32_t rows = PackedMatrix::tile_rows, columns = PackedMatrix::tile_columns;
-constexpr std::uint32_t elements_of_tile = PackedMatrix::tile_elements;
+constexpr std::uint32_t rows = tile_rows, columns = tile_columns;
 
 std::uint32_t count_nonzero(const Half* tile) {
-  return elements_of_tile - static_cast<std::uint32_t>(std::count(tile, tile + elements_of_tile, Half{0}));
+  return tile_elements - static_cast<std::uint32_t>(std::count(tile, tile + tile_elements, Half{0}));
 }
 
 /// Keeps of the tile at a row and column what lies above the diagonal, and half of what lies on it. How many of these
@@ -50,7 +49,7 @@ void PackedMatrix::make_strip(const FormFactorMatrix& form_factors, std::uint32_
   }
   const bool upper = storage_ == Storage::sym16;
   for (std::uint32_t t = upper ? strip * rows / columns : 0; t < stride_ / columns; ++t) {
-    Half tile[elements_of_tile];
+    Half tile[tile_elements];
     for (std::uint32_t q = 0; q < rows; ++q) {
       std::memcpy(tile + q * columns, buffer.data() + std::size_t{q} * stride_ + std::size_t{t} * columns,
                   columns * sizeof(Half));
@@ -58,7 +57,7 @@ void PackedMatrix::make_strip(const FormFactorMatrix& form_factors, std::uint32_
     const std::uint32_t on_diagonal = upper ? keep_upper(tile, strip * rows, t * columns) : 0;
     const std::uint32_t nonzero = count_nonzero(tile);
     if (nonzero == 0 && storage_ != Storage::dense16) continue;
-    made.elements.insert(made.elements.end(), tile, tile + elements_of_tile);
+    made.elements.insert(made.elements.end(), tile, tile + tile_elements);
     made.columns.push_back(t);
     made.nonzero += upper ? 2 * nonzero - on_diagonal : nonzero;
   }
@@ -97,7 +96,7 @@ void PackedMatrix::add_unit(const std::vector<Made>& made, std::uint32_t first_s
     columns_.insert(columns_.end(), begin, end);
   }
   if (columns_.size() == before && storage_ == Storage::sym16) return;
-  unit_begin_.push_back(columns_.size() * std::uint64_t{elements_of_tile});
+  unit_begin_.push_back(columns_.size() * std::uint64_t{tile_elements});
   unit_strips_.push_back(static_cast<std::uint32_t>(strips_.size()));
 }
 
@@ -128,8 +127,8 @@ void PackedMatrix::place_tiles(const std::vector<Made>& made) {
       if (tiles == 0) continue;
       const Made& from = made[strips_[s].row];
       const auto at = std::lower_bound(from.columns.begin(), from.columns.end(), columns_[strips_[s].first_tile]);
-      const std::size_t halves = tiles * elements_of_tile;
-      std::memcpy(to, from.elements.data() + (at - from.columns.begin()) * std::ptrdiff_t{elements_of_tile},
+      const std::size_t halves = tiles * tile_elements;
+      std::memcpy(to, from.elements.data() + (at - from.columns.begin()) * std::ptrdiff_t{tile_elements},
                   halves * sizeof(Half));
       to += halves;
     }

@@ -19,7 +19,7 @@ namespace interflect::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr std::size_t rows = PackedMatrix::tile_rows, columns = PackedMatrix::tile_columns;
+constexpr std::size_t rows = tile_rows, columns = tile_columns;
 using Tag = hn::CappedTag<double, 8>;
 constexpr std::size_t lanes = hn::MaxLanes(Tag());
 

@@ -30,18 +30,19 @@ namespace interflect::omp::HWY_NAMESPACE {
 template <std::size_t columns>
 HWY_INLINE void multiply_strip(const Half* HWY_RESTRICT tiles, const std::uint32_t* HWY_RESTRICT tile_column,
                                std::size_t count, const float* const* HWY_RESTRICT x,
-                               const float (*HWY_RESTRICT xi)[group], float* const* row_sum,
-                               float* const* HWY_RESTRICT column_sum) {
+                               const float (*HWY_RESTRICT xi)[group], float* const* row_sum, float* const* column_sum,
+                               std::size_t ahead) {
   const Tag d;
   for (std::size_t row = 0; row < tile_rows; row += strip_rows) {
-    Vector sum[strip_rows][columns];
-    HWY_UNROLL(strip_rows)
-    for (std::size_t q = 0; q < strip_rows; ++q) {
-      HWY_UNROLL(group)
-      for (std::size_t c = 0; c < columns; ++c) sum[q][c] = hn::Zero(d);
+    Vector sum[columns][strip_rows];
+    HWY_UNROLL(group)
+    for (std::size_t c = 0; c < columns; ++c) {
+      HWY_UNROLL(strip_rows)
+      for (std::size_t q = 0; q < strip_rows; ++q) sum[c][q] = hn::Zero(d);
     }
     const Half* tile = tiles + row * tile_columns;
     for (std::size_t t = 0; t < count; ++t, tile += tile_elements) {
+      if (row == 0) prefetch_tile(tile, ahead);
       for (std::size_t part = 0; part < parts; ++part) {
         const std::size_t j = tile_column[t] * std::size_t{tile_columns} + part * lanes;
         Vector xj[columns], yj[columns];
@@ -57,7 +58,7 @@ HWY_INLINE void multiply_strip(const Half* HWY_RESTRICT tiles, const std::uint32
           keep(h);
           HWY_UNROLL(group)
           for (std::size_t c = 0; c < columns; ++c) {
-            sum[q][c] = hn::MulAdd(h, xj[c], sum[q][c]);
+            sum[c][q] = hn::MulAdd(h, xj[c], sum[c][q]);
             yj[c] = hn::MulAdd(h, hn::Set(d, xi[row + q][c]), yj[c]);
           }
         }
@@ -65,17 +66,15 @@ HWY_INLINE void multiply_strip(const Half* HWY_RESTRICT tiles, const std::uint32
         for (std::size_t c = 0; c < columns; ++c) hn::StoreU(yj[c], d, column_sum[c] + j);
       }
     }
-    for (std::size_t q = 0; q < strip_rows; ++q) {
-      for (std::size_t c = 0; c < columns; ++c) {
-        row_sum[c][row + q] += hn::GetLane(hn::SumOfLanes(d, sum[q][c]));
-      }
-    }
+    HWY_UNROLL(group)
+    for (std::size_t c = 0; c < columns; ++c) add_lane_sums(sum[c], row_sum[c] + row);
   }
 }
 
 /// Block k of the panel, for all columns.
 HWY_ATTR void multiply_block(const SymmetricArguments& a, std::size_t columns, std::size_t block, const Half* tiles,
-                             const std::uint32_t* index, const float* x, float* partial, std::size_t k) {
+                             const std::uint32_t* index, const float* x, float* partial, std::size_t ahead,
+                             std::size_t k) {
   const std::uint32_t* of_block = index + 4 * k;
   const std::uint32_t* strip_in_block = index + std::size_t{4} * a.blocks;
   const std::uint32_t* tile_begin = strip_in_block + a.strips;
@@ -102,9 +101,9 @@ HWY_ATTR void multiply_block(const SymmetricArguments& a, std::size_t columns, s
       }
       const Half* of_strip = tiles + begin * tile_elements;
       switch (some) {
-        case 1: multiply_strip<1>(of_strip, tile_column + begin, count, xj, xi, row_sum, column_sum); break;
-        case 2: multiply_strip<2>(of_strip, tile_column + begin, count, xj, xi, row_sum, column_sum); break;
-        default: multiply_strip<3>(of_strip, tile_column + begin, count, xj, xi, row_sum, column_sum); break;
+        case 1: multiply_strip<1>(of_strip, tile_column + begin, count, xj, xi, row_sum, column_sum, ahead); break;
+        case 2: multiply_strip<2>(of_strip, tile_column + begin, count, xj, xi, row_sum, column_sum, ahead); break;
+        default: multiply_strip<3>(of_strip, tile_column + begin, count, xj, xi, row_sum, column_sum, ahead); break;
       }
     }
   }
@@ -123,6 +122,7 @@ void sym16(const Launch& launch) {
   const auto a = launch.arguments<SymmetricArguments>();
   const auto columns = static_cast<std::size_t>(launch.macro("COLUMNS"));
   const auto block = static_cast<std::size_t>(launch.macro("BLOCK"));
+  const auto ahead = static_cast<std::size_t>(launch.macro("PREFETCH")) * 64;
   const Half* tiles = launch.pointer<const Half>(0);
   const auto* index = launch.pointer<const std::uint32_t>(1);
   const float* x = launch.floats(2);
@@ -130,7 +130,7 @@ void sym16(const Launch& launch) {
   const bool worth_threads = a.tiles > 128;
 #pragma omp parallel for schedule(dynamic) if (worth_threads)
   for (std::size_t k = 0; k < a.blocks; ++k) {
-    HWY_DYNAMIC_DISPATCH(multiply_block)(a, columns, block, tiles, index, x, partial, k);
+    HWY_DYNAMIC_DISPATCH(multiply_block)(a, columns, block, tiles, index, x, partial, ahead, k);
   }
 }
 
