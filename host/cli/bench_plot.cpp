@@ -20,10 +20,10 @@ struct Column {
   double x;
   std::size_t most;  ///< characters
 };
-constexpr std::array columns{Column{"device", 10, 13},  Column{"what", 105, 19}, Column{"scene", 235, 14},
-                             Column{"storage", 335, 9}, Column{"n", 400, 8},     Column{"time", 450, 9},
-                             Column{"GB/s", 515, 7},    Column{"share", 565, 6}, Column{"error / bound", 612, 18},
-                             Column{"status", 735, 42}};
+constexpr std::array columns{Column{"device", 20, 13},  Column{"what", 112, 19}, Column{"scene", 238, 14},
+                             Column{"storage", 335, 9}, Column{"n", 395, 8},     Column{"time", 446, 9},
+                             Column{"GB/s", 512, 7},    Column{"share", 564, 6}, Column{"error / bound", 608, 18},
+                             Column{"status", 732, 44}};
 
 std::vector<std::string> cells_of(const BenchRow& row) {
   const std::string why = row.reason.empty() ? row.note : row.reason;
@@ -34,7 +34,7 @@ std::vector<std::string> cells_of(const BenchRow& row) {
           row.storage,
           row.n > 0 ? fmt::format("{}", row.n) : "",
           row.seconds > 0 ? seconds(row.seconds) : "",
-          row.bytes > 0 && row.seconds > 0 ? fmt::format("{:.4g}", row.gb_per_s()) : "",
+          row.bytes > 0 && row.seconds > 0 ? fmt::format("{:.3g}", row.gb_per_s()) : "",
           row.share_of_ceiling() ? fmt::format("{:.2f}", *row.share_of_ceiling()) : "",
           judged ? fmt::format("{:.1e} / {:.1e}", row.error, row.bound) : "",
           why.empty() ? row.status : row.status + ": " + why};

@@ -133,7 +133,7 @@ Timed solving(const Site& site, const Loaded& room, Method method, const std::ve
                 judged.error = *std::max_element(report.relative_residual.begin(), report.relative_residual.end());
                 judged.bound = StopTest{}.tolerance;
                 if (matrix->storage() != Storage::dense32 && !reference.empty()) {
-                  judged.note = fmt::format("radiosity differs from dense32's by {:.1e} of the maximum",
+                  judged.note = fmt::format("radiosity {:.1e} off dense32's",
                                             largest_of(last->radiosity, &reference) / largest_of(reference, nullptr));
                 }
                 if (!(judged.error <= judged.bound)) deny(judged, "not converged");
@@ -226,7 +226,7 @@ std::vector<BenchRow> solves(const std::vector<Site>& sites, const Loaded& room,
 std::vector<std::unique_ptr<Stored>> matrices_of(const BenchPlan& plan, const Loaded& room) {
   std::vector<std::unique_ptr<Stored>> matrices;
   const auto add = [&](Storage storage) {
-    matrices.push_back(std::make_unique<Stored>(room.factors.matrix, room.scene.mesh.area, storage));
+    matrices.push_back(std::make_unique<Stored>(room.factors.matrix, room.scene.mesh, storage));
   };
   add(Storage::dense32);
   for (const Storage storage : plan.storages) {

@@ -3,14 +3,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "interflect/base/error.h"
 #include "interflect/device/check.h"
+#include "interflect/formfactor/patch_order.h"
 
 namespace interflect::cli {
 
-Stored::Stored(const FormFactorMatrix& dense, std::span<const double> area, Storage storage) : dense_(dense) {
-  if (storage != Storage::dense32) packed_ = std::make_unique<PackedMatrix>(dense, area, storage);
+Stored::Stored(const FormFactorMatrix& dense, const PatchMesh& mesh, Storage storage) : dense_(dense) {
+  if (storage == Storage::dense32) return;
+  PackedMatrix::Options options;
+  if (storage != Storage::dense16) options.order = patch_order(mesh, dense);
+  packed_ = std::make_unique<PackedMatrix>(dense, mesh.area, storage, std::move(options));
 }
 
 std::unique_ptr<Scheduler> Stored::place(std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns) const {

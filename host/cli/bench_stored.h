@@ -1,11 +1,11 @@
 #pragma once
 
 #include <memory>
-#include <span>
 #include <string>
 #include <vector>
 
 #include "bench_row.h"
+#include "interflect/scene/patch_mesh.h"
 #include "interflect/schedule/scheduler.h"
 
 namespace interflect::cli {
@@ -13,8 +13,8 @@ namespace interflect::cli {
 /// F in one storage, of a dense matrix that must outlive it.
 class Stored {
  public:
-  /// Packs F, or only refers to it for dense32. Throws what PackedMatrix throws.
-  Stored(const FormFactorMatrix& dense, std::span<const double> area, Storage storage);
+  /// Packs F, the tiled formats in patch_order(); or only refers to it for dense32. Throws what PackedMatrix throws.
+  Stored(const FormFactorMatrix& dense, const PatchMesh& mesh, Storage storage);
 
   [[nodiscard]] Storage storage() const { return packed_ == nullptr ? Storage::dense32 : packed_->storage(); }
   [[nodiscard]] std::uint32_t size() const { return dense_.size(); }

@@ -38,7 +38,7 @@ Lines lines_of(const std::vector<BenchRow>& rows, bool (*shown)(const BenchRow&)
     ++count;
     lines.left = std::max(lines.left, text_width(shortened(label, 60)));
   }
-  lines.left += 14;
+  lines.left += 28;
   lines.top = top;
   lines.bottom = top + static_cast<double>(count) * bar + static_cast<double>(lines.groups.size()) * gap + 4;
   return lines;

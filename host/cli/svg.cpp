@@ -168,7 +168,7 @@ std::string colour_class(std::string_view kind, std::size_t k) {
 }
 
 double text_width(std::string_view text, double size) {
-  return 0.58 * size * static_cast<double>(text.size());
+  return 0.62 * size * static_cast<double>(text.size());
 }
 
 }  // namespace interflect::cli
