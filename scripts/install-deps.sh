@@ -13,6 +13,8 @@ packages=(
   ocl-icd-opencl-dev opencl-headers libvulkan-dev glslang-dev glslang-tools spirv-tools
   # drivers that run GPU kernels on the processor, and what watches them in the tests
   pocl-opencl-icd mesa-vulkan-drivers vulkan-validationlayers oclgrind
+  # other people's libraries, which `bench --peers` measures beside ours
+  libopenblas-dev libeigen3-dev libviennacl-dev libclblast-dev
   # the bundle
   patchelf
   # tests, benchmarks, sanitizers and fuzzers

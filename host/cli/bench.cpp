@@ -25,7 +25,7 @@ namespace interflect::cli {
 namespace {
 
 struct Options {
-  bool study = false;
+  bool study = false, peers = false;
   std::string device = "auto";
   std::string scenes;
   std::vector<unsigned> rooms;
@@ -57,7 +57,8 @@ bool wanted(const Options& options, const Room& room) {
 }
 
 BenchRun measured(const Options& options, const std::vector<std::string>& ids, Console& console) {
-  const BenchPlan plan{scenes_folder(options.scenes), ids, parse_storages(options.storage), options.repetitions};
+  const BenchPlan plan{scenes_folder(options.scenes), ids, parse_storages(options.storage), options.repetitions,
+                       options.peers};
   std::vector<DeviceInfo> infos;
   infos.reserve(ids.size());
   for (const std::string& id : ids) infos.push_back(info_of(id, ids.size() == 1));
@@ -113,10 +114,16 @@ void write_files(const Options& options, const BenchRun& run, const std::vector<
 }
 
 int run_study(const Options& options, const std::string& id, Console& console) {
-  const StudyTable table =
-      study_table(scenes_folder(options.scenes), id, std::max(1U, options.repetitions / 3), console);
-  fmt::print("{}", table.text);
-  return table.verified ? 0 : exit_status(ErrorKind::device);
+  const unsigned passes = std::max(1U, options.repetitions / 3);
+  const auto head = bench_header({info_of(id, true)}, passes);
+  const StudyTables tables = study_tables(scenes_folder(options.scenes), id, passes, options.rooms, console);
+  fmt::print("{}", tables.text);
+  if (!options.json.empty()) {
+    nlohmann::ordered_json out = {{"header", head}};
+    out.update(tables.data);
+    write_file(options.json, dump(out));
+  }
+  return tables.verified ? 0 : exit_status(ErrorKind::device);
 }
 
 /// What can be wrong with the options is found here, before the work.
@@ -157,6 +164,10 @@ int run(const Options& options) {
 void add_measuring(CLI::App& command, Options& options) {
   command.add_option("--device", options.device, "device id, or several between commas: they take turns pass by pass")
       ->capture_default_str();
+  command.add_flag(
+      "--peers", options.peers,
+      "time OpenBLAS, Eigen, ViennaCL, CLBlast, cuBLAS and cuSPARSE, as far as they are there, on the same "
+      "products");
   command.add_option("--scenes", options.scenes, "folder with the rooms");
   command.add_option("--room", options.rooms, "only the room with so many patches (may be given several times)")
       ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}));
@@ -193,14 +204,13 @@ void add_files(CLI::App& command, Options& options) {
 void add_bench(CLI::App& program, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App& command = *program.add_subcommand("bench", "measure a device: bandwidth, products, solves, each verified");
-  auto* study =
-      command.add_flag("--study", options->study, "print the 2014 study's first table with our figures beside");
+  auto* study = command.add_flag("--study", options->study, "print the 2014 study's tables with our figures beside");
   add_measuring(command, *options);
   add_files(command, *options);
-  for (const char* other : {"--room", "--storage", "--growth", "--json", "--csv", "--plot", "--compare", "--from"}) {
+  for (const char* other : {"--peers", "--storage", "--growth", "--csv", "--plot", "--compare", "--from"}) {
     study->excludes(command.get_option(other));
   }
-  for (const char* other : {"--room", "--storage", "--growth", "--growth-max", "--device", "--scenes"}) {
+  for (const char* other : {"--peers", "--room", "--storage", "--growth", "--growth-max", "--device", "--scenes"}) {
     command.get_option("--from")->excludes(command.get_option(other));
   }
   command.add_flag("--quiet", options->quiet, "no progress and no warnings");

@@ -76,13 +76,13 @@ std::vector<Compared> compare(const std::vector<BenchRow>& before, const std::ve
 }
 
 std::string compare_text(const std::vector<Compared>& rows) {
-  std::string out = fmt::format("{:<10} {:<17} {:<11} {:<8} {:>7} {:>4} {:>12} {:>12} {:>6}  {}\n", "device", "what",
+  std::string out = fmt::format("{:<10} {:<19} {:<11} {:<8} {:>7} {:>4} {:>12} {:>12} {:>6}  {}\n", "device", "what",
                                 "scene", "storage", "n", "cols", "old", "new", "ratio", "");
   std::map<Change, unsigned> counts;
   for (const Compared& one : rows) {
     const BenchRow& row = one.after != nullptr ? *one.after : *one.before;
     ++counts[one.change];
-    out += fmt::format("{:<10} {:<17} {:<11} {:<8} {:>7} {:>4} {:>12} {:>12} {:>6}  {}\n", row.device, row.what,
+    out += fmt::format("{:<10} {:<19} {:<11} {:<8} {:>7} {:>4} {:>12} {:>12} {:>6}  {}\n", row.device, row.what,
                        row.scene, row.storage, row.n, row.columns, time_of(one.before), time_of(one.after),
                        one.ratio() > 0 ? fmt::format("{:.3f}", one.ratio()) : "", name(one.change));
   }

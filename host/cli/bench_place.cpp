@@ -11,14 +11,6 @@ namespace interflect::cli {
 
 namespace {
 
-Columns test_vector(std::uint32_t n) {
-  Columns x(bench_channels, std::vector<float>(n));
-  for (std::uint32_t c = 0; c < bench_channels; ++c) {
-    for (std::uint32_t i = 0; i < n; ++i) x[c][i] = 0.5F + static_cast<float>((i * 2654435761U + c) >> 24) / 256.0F;
-  }
-  return x;
-}
-
 /// Places F through `device`, which stays with the Scheduler. `seconds` gets the time less that of the compiler.
 std::unique_ptr<Scheduler> placed(std::unique_ptr<Device> device, const Stored& matrix, double& seconds) {
   std::vector<std::unique_ptr<Device>> devices;
@@ -37,6 +29,14 @@ std::unique_ptr<CountingDevice> opened(const std::string& id, CountingDevice*& s
 }
 
 }  // namespace
+
+Columns test_vector(std::uint32_t n) {
+  Columns x(bench_channels, std::vector<float>(n));
+  for (std::uint32_t c = 0; c < bench_channels; ++c) {
+    for (std::uint32_t i = 0; i < n; ++i) x[c][i] = 0.5F + static_cast<float>((i * 2654435761U + c) >> 24) / 256.0F;
+  }
+  return x;
+}
 
 Place::Place(const std::string& id, const Stored& matrix)
     : bound_(matrix.bound()),

@@ -16,6 +16,9 @@ namespace interflect::cli {
 
 inline constexpr std::uint32_t bench_channels = 3;
 
+/// What every product is measured with: columns of positive numbers.
+[[nodiscard]] Columns test_vector(std::uint32_t n);
+
 /// A device with F on it, vectors, and what placing it took.
 class Place {
  public:

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <omp.h>
 
 #include <algorithm>
 #include <cmath>
@@ -6,6 +7,7 @@
 #include <memory>
 #include <utility>
 
+#include "bench_peers.h"
 #include "bench_place.h"
 #include "bench_rows.h"
 #include "interflect/base/error.h"
@@ -149,13 +151,22 @@ void set_ceilings(std::vector<BenchRow>& rows, const std::vector<BenchRow>& of, 
     const double rate = read != of.end() ? read->gb_per_s() : device_rate(measured, row.device, "read");
     if (row.what.starts_with("solve:")) set_ceiling(row, rate, 0);
     // Of a product only y is written, which is small: by the rate of reading, or where copying is as fast, by that.
-    if (row.what == "matvec" || row.what == "read") set_ceiling(row, rate, rate);
+    if (row.what == "matvec" || row.what == "read" || row.what.starts_with("peer:")) set_ceiling(row, rate, rate);
   }
 }
 
-/// Read of the dense matrix and a matvec per storage on each device, in turn; the ratios are of the same passes.
+void add_room_peers(std::vector<Measurement>& all, const Site& any, const FormFactorMatrix& matrix,
+                    const std::vector<peers::Peer>& peers) {
+  BenchRow base = any.base;
+  base.storage = std::string(name(Storage::dense32));
+  add_peers(all, base, peers,
+            std::make_shared<peers::Problem>(matrix, test_vector(matrix.size()), ::omp_get_max_threads()));
+}
+
+/// Read of the dense matrix and a matvec per storage on each device, in turn, and the peers between them; the ratios
+/// are of the same passes.
 std::vector<BenchRow> products(const std::vector<Site>& sites, const Loaded& room, unsigned repetitions,
-                               const SharedPlace& machine) {
+                               const SharedPlace& machine, const std::vector<peers::Peer>& peers) {
   std::vector<Measurement> all;
   for (const Site& site : sites) {
     BenchRow row = site.base;
@@ -176,6 +187,7 @@ std::vector<BenchRow> products(const std::vector<Site>& sites, const Loaded& roo
     add(
         all, row, [&] { return reading(machine, room.sum); }, false);
   }
+  if (!peers.empty()) add_room_peers(all, sites.front(), room.factors.matrix, peers);
   measure(all, repetitions);
 
   const auto cpu = [&](const std::string& id) {
@@ -190,7 +202,11 @@ std::vector<BenchRow> products(const std::vector<Site>& sites, const Loaded& roo
     if (!one.shown) continue;
     const Measurement* read = find(all, one.row.device, "read");
     if (one.row.what == "matvec" && read != nullptr) one.row.a_ratio = median_ratio(*read, one);
-    if (reference != nullptr && cpu(one.row.device) && !one.seconds.empty()) {
+    if (one.row.what.starts_with("peer:")) {
+      if (read == nullptr) read = reference;  // on the host
+      if (read != nullptr) one.row.a_ratio = median_ratio(*read, one);
+    }
+    if (reference != nullptr && (cpu(one.row.device) || one.row.device == "host") && !one.seconds.empty()) {
       one.row.machine_ratio = median_ratio(*reference, one);
     }
     rows.push_back(one.row);
@@ -268,9 +284,11 @@ std::vector<BenchRow> bench_room(const BenchPlan& plan, const Room& room, const 
                                    [](const Site& site) { return site.place->info().type == DeviceType::cpu; });
   const bool has_openmp = std::find(plan.devices.begin(), plan.devices.end(), "openmp") != plan.devices.end();
   // What the machine's memory gives in the same seconds: F is shared, so that it costs none.
-  const SharedPlace machine = any_cpu && !has_openmp ? std::make_shared<Place>("openmp", *matrices.front()) : nullptr;
+  const SharedPlace machine =
+      (any_cpu || plan.peers) && !has_openmp ? std::make_shared<Place>("openmp", *matrices.front()) : nullptr;
   const auto append = [&](std::vector<BenchRow> more) { rows.insert(rows.end(), more.begin(), more.end()); };
-  append(products(sites, loaded, plan.repetitions, machine));
+  const auto peers = plan.peers && !sites.empty() ? peers::all_peers(plan.devices) : std::vector<peers::Peer>{};
+  append(products(sites, loaded, plan.repetitions, machine, peers));
   append(solves(sites, loaded, std::max(1U, plan.repetitions / 3), measured));
   set_ceilings(rows, std::vector<BenchRow>(rows), measured);
   return rows;

@@ -102,7 +102,7 @@ std::string to_csv(const BenchRow& row) {
 }
 
 std::string text_header() {
-  return fmt::format("{:<10} {:<17} {:<11} {:<8} {:>7} {:>11} {:>23} {:>8} {:>6} {:>5} {:>5} {:>4} {:>6}  {:<18} {}\n",
+  return fmt::format("{:<10} {:<19} {:<11} {:<8} {:>7} {:>11} {:>23} {:>8} {:>6} {:>5} {:>5} {:>4} {:>6}  {:<18} {}\n",
                      "device", "what", "scene", "storage", "n", "seconds", "min .. max", "GB/s", "share", "of A",
                      "of M", "prod", "launch", "error of bound", "status");
 }
@@ -117,7 +117,7 @@ std::string to_text(const BenchRow& row) {
       row.seconds > 0 ? fmt::format("{:>11.7f} {:>10.7f} ..{:>10.7f}", row.seconds, row.seconds_min, row.seconds_max)
                       : std::string(35, ' ');
   const std::string why = row.reason.empty() ? row.note : row.reason;
-  return fmt::format("{:<10} {:<17} {:<11} {:<8} {:>7} {:<35} {:>8} {:>6} {:>5} {:>5} {:>4} {:>6}  {:<18} {}{}{}\n",
+  return fmt::format("{:<10} {:<19} {:<11} {:<8} {:>7} {:<35} {:>8} {:>6} {:>5} {:>5} {:>4} {:>6}  {:<18} {}{}{}\n",
                      row.device, row.what, row.scene, row.storage, row.n > 0 ? fmt::format("{}", row.n) : "", times,
                      rate, ratio(row.share_of_ceiling().value_or(0)), ratio(row.a_ratio),
                      ratio(row.machine_ratio.value_or(0)), products, launches, error, row.status,

@@ -18,6 +18,7 @@ struct BenchPlan {
   std::vector<std::string> devices;
   std::vector<Storage> storages;
   unsigned repetitions = 15;
+  bool peers = false;  ///< other people's libraries do the products of the rooms in the same passes (bench_peers.h)
 };
 /// Takes rows as they are finished.
 using RowSink = std::function<void(const std::vector<BenchRow>&)>;

@@ -74,7 +74,9 @@ void measure(std::vector<Measurement>& all, unsigned repetitions) {
     for (Measurement& one : all) {
       if (!one.timed.pass) continue;
       guarded(one, [&] {
+        if (one.timed.rest) one.timed.rest();
         const double seconds = seconds_of(one);
+        if (one.timed.rest) one.timed.rest();
         if (pass > 0) one.seconds.push_back(seconds);
       });
     }

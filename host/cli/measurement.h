@@ -13,6 +13,7 @@ namespace interflect::cli {
 struct Timed {
   std::function<double()> pass;           ///< one pass, in seconds
   std::function<void(BenchRow&)> verify;  ///< after the last pass: fills error and bound, denies what is wrong
+  std::function<void()> rest = {};  ///< before and after a pass: until threads of its own no longer disturb others
 };
 
 /// A row in the making.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -7,18 +8,20 @@
 
 namespace interflect::cli {
 
-/// A table as text, and whether every row of it is right.
-struct StudyTable {
+/// The study's tables as text and as data, and whether every row of them is right.
+struct StudyTables {
   std::string text;
+  nlohmann::ordered_json data;  ///< {rows: [as bench's], tables: {methods, jacobi, layout: [a record per room]}}
   bool verified = true;
 };
 
-/// The study's first table (2014, Jacobi against BiCGSTAB to a relative residual of 1e-6 on four scenes) on our rooms
-/// of the same sizes: iterations and median seconds per method, beside the study's own figures. F is in place; only the
-/// solve is timed. Methods are interleaved, `repetitions` each. Every row is verified: converged, and within 1e-5 of
-/// CG's answer. `rooms` names the folder with room-1312.obj and the others.
-[[nodiscard]] StudyTable study_table(const std::string& rooms, const std::string& device, unsigned repetitions,
-                                     ProgressSink& progress);
+/// The tables of the study of 2014 (its poster) on our rooms of the same sizes, beside the study's own figures: Jacobi
+/// against BiCGSTAB to a relative residual of 1e-6; Jacobi by its plain loop, serial and OpenMP, and by our kernels
+/// through OpenMP and CUDA, with CG's gain over the plain loop; the plain loop with AoS and with SoA vectors. Times are
+/// medians of `repetitions` passes in turn; F is in place; only solves are timed. What is not verified is shown as
+/// that. `rooms` names the folder with room-1312.obj and the others; `only`: their patch counts, all when empty.
+[[nodiscard]] StudyTables study_tables(const std::string& rooms, const std::string& device, unsigned repetitions,
+                                       const std::vector<unsigned>& only, ProgressSink& progress);
 
 /// The folder with our own scenes: `given` if not empty, else the first of ./scenes, the source tree that this program
 /// was built in, the installed share folder. Throws a usage Error when none has room-1312.obj.

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "interflect/base/error.h"
+#include "interflect/formfactor/pack_row.h"
 
 namespace interflect {
 
@@ -69,6 +70,7 @@ PackedMatrix::PackedMatrix(const FormFactorMatrix& form_factors, std::span<const
   set_scales(area);
   try {
     store_tiles(form_factors);
+    inverse_ = {};
   } catch (const std::bad_alloc&) {
     throw Error(ErrorKind::limit, fmt::format("there is no memory for {} patches as {}", n_, name(storage)));
   }
@@ -78,6 +80,7 @@ void PackedMatrix::set_scales(std::span<const double> area) {
   const double mean = std::accumulate(area.begin(), area.end(), 0.0) / std::max(1.0, static_cast<double>(n_));
   scale_in_.assign(stride_, 0.0F);
   scale_out_.assign(stride_, 0.0F);
+  inverse_.assign(stride_, 0.0F);
   for (std::uint32_t k = 0; k < n_; ++k) {
     const double a = area[order_[k]];
     if (!std::isfinite(a) || !(a > 0)) {
@@ -85,16 +88,15 @@ void PackedMatrix::set_scales(std::span<const double> area) {
     }
     scale_in_[k] = static_cast<float>(std::sqrt(a / mean));
     scale_out_[k] = 1.0F / (element_scale * scale_in_[k]);
+    inverse_[k] = 1.0F / scale_in_[k];
   }
 }
 
-/// The row of H at a place: stride_ halves.
-void PackedMatrix::place_row(const FormFactorMatrix& form_factors, std::uint32_t place, Half* out) const {
-  const float* row = form_factors.row(order_[place]).data();
-  const float scale = element_scale * scale_in_[place];
-  const float* in = scale_in_.data();
-  const std::uint32_t* from = order_.data();
-  for (std::uint32_t k = 0; k < n_; ++k) out[k] = to_half(row[from[k]] * (scale / in[k]));
+/// The row of H at a place, from the place `first` on; stride_ halves.
+void PackedMatrix::place_row(const FormFactorMatrix& form_factors, std::uint32_t place, std::uint32_t first,
+                             Half* out) const {
+  simd::pack_row(form_factors.row(order_[place]).data(), order_.data(), inverse_.data(),
+                 element_scale * scale_in_[place], first, n_, out);
   std::fill(out + n_, out + stride_, Half{0});
 }
 

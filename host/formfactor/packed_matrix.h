@@ -105,15 +105,17 @@ class PackedMatrix {
     std::uint32_t first = 0, end = 0;
     std::shared_ptr<PageBuffer> memory;
   };
+  class Arena;
   struct Made {  ///< a strip of the matrix as tiles, before they have their place
-    std::vector<Half> elements;
+    const Half* elements = nullptr;
     std::vector<std::uint32_t> columns;
     std::uint64_t nonzero = 0;
   };
 
   void set_scales(std::span<const double> area);
   void store_tiles(const FormFactorMatrix& form_factors);
-  void make_strip(const FormFactorMatrix& form_factors, std::uint32_t strip, std::span<Half> rows, Made& made) const;
+  void make_strip(const FormFactorMatrix& form_factors, std::uint32_t strip, std::span<Half> rows, Arena& arena,
+                  Made& made) const;
   void add_unit(const std::vector<Made>& made, std::uint32_t first_strip, std::uint32_t end_strip,
                 std::uint32_t first_column, std::uint32_t end_column);
   void lay_out(const std::vector<Made>& made);
@@ -122,14 +124,14 @@ class PackedMatrix {
   [[nodiscard]] Half* elements(std::uint32_t unit) const;
   [[nodiscard]] Panel panel(std::uint32_t first, std::uint32_t end, const Chunk& chunk) const;
   void add_index(Panel& panel) const;
-  void place_row(const FormFactorMatrix& form_factors, std::uint32_t place, Half* out) const;
+  void place_row(const FormFactorMatrix& form_factors, std::uint32_t place, std::uint32_t first, Half* out) const;
 
   std::uint32_t n_ = 0, stride_ = 0, block_ = 0, block_rows_ = 0;
   Storage storage_ = Storage::dense16;
   std::uint64_t max_panel_bytes_ = 0, bytes_ = 0;
   double nonzero_fraction_ = 0;
   std::vector<std::uint32_t> order_;
-  std::vector<float> scale_in_, scale_out_;
+  std::vector<float> scale_in_, scale_out_, inverse_;
   std::vector<std::uint64_t> unit_begin_{0};  ///< elements before each unit, and all
   std::vector<std::uint32_t> unit_strips_;    ///< strips before each unit, and all
   std::vector<Strip> strips_;                 ///< in the order of the tiles, and an end

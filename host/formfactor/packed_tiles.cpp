@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <omp.h>
 
 #include <algorithm>
 #include <cstring>
@@ -36,40 +37,65 @@ std::uint32_t keep_upper(Half* tile, std::uint32_t row, std::uint32_t column) {
 
 }  // namespace
 
+/// One thread's tiles before they have their place: memory by huge pages, since the system takes its time to hand out a
+/// small page.
+class PackedMatrix::Arena {
+ public:
+  /// Room for so many halves at least.
+  Half* room(std::size_t halves) {
+    if (memory_.empty() || memory_.back().size() - used_ < halves * sizeof(Half)) {
+      memory_.emplace_back(std::max(halves * sizeof(Half), std::size_t{32} << 20U));
+      used_ = 0;
+    }
+    return reinterpret_cast<Half*>(memory_.back().data() + used_);
+  }
+  void take(std::size_t halves) { used_ += halves * sizeof(Half); }
+
+ private:
+  std::vector<PageBuffer> memory_;
+  std::size_t used_ = 0;
+};
+
 /// The tiles of a strip that are stored, with their columns; `buffer` has room for 8 rows.
 void PackedMatrix::make_strip(const FormFactorMatrix& form_factors, std::uint32_t strip, std::span<Half> buffer,
-                              Made& made) const {
+                              Arena& arena, Made& made) const {
+  const bool upper = storage_ == Storage::sym16;
+  const std::uint32_t first = upper ? strip * rows / columns : 0;
   for (std::uint32_t q = 0; q < rows; ++q) {
     Half* row = buffer.data() + std::size_t{q} * stride_;
     if (strip * rows + q < n_) {
-      place_row(form_factors, strip * rows + q, row);
+      place_row(form_factors, strip * rows + q, first * columns, row);
     } else {
       std::fill_n(row, stride_, Half{0});
     }
   }
-  const bool upper = storage_ == Storage::sym16;
-  for (std::uint32_t t = upper ? strip * rows / columns : 0; t < stride_ / columns; ++t) {
-    Half tile[tile_elements];
+  Half* end = arena.room(std::size_t{rows} * stride_);
+  made.elements = end;
+  for (std::uint32_t t = first; t < stride_ / columns; ++t) {
+    Half* tile = end;
     for (std::uint32_t q = 0; q < rows; ++q) {
       std::memcpy(tile + q * columns, buffer.data() + std::size_t{q} * stride_ + std::size_t{t} * columns,
                   columns * sizeof(Half));
     }
-    const std::uint32_t on_diagonal = upper ? keep_upper(tile, strip * rows, t * columns) : 0;
+    const std::uint32_t on_diagonal = upper && t == first ? keep_upper(tile, strip * rows, t * columns) : 0;
     const std::uint32_t nonzero = count_nonzero(tile);
     if (nonzero == 0 && storage_ != Storage::dense16) continue;
-    made.elements.insert(made.elements.end(), tile, tile + tile_elements);
+    end += tile_elements;
     made.columns.push_back(t);
     made.nonzero += upper ? 2 * nonzero - on_diagonal : nonzero;
   }
+  arena.take(made.columns.size() * tile_elements);
 }
 
 void PackedMatrix::store_tiles(const FormFactorMatrix& form_factors) {
   std::vector<Made> made((n_ + rows - 1) / rows);
+  std::vector<Arena> arenas(static_cast<std::size_t>(omp_get_max_threads()));
 #pragma omp parallel
   {
+    Arena& arena = arenas[static_cast<std::size_t>(omp_get_thread_num())];
     std::vector<Half> buffer(std::size_t{rows} * stride_);
 #pragma omp for schedule(dynamic, 4)
-    for (std::uint32_t s = 0; s < made.size(); ++s) make_strip(form_factors, s, buffer, made[s]);
+    for (std::uint32_t s = 0; s < made.size(); ++s) make_strip(form_factors, s, buffer, arena, made[s]);
   }
   lay_out(made);
   make_chunks(max_panel_bytes_);
@@ -128,7 +154,7 @@ void PackedMatrix::place_tiles(const std::vector<Made>& made) {
       const Made& from = made[strips_[s].row];
       const auto at = std::lower_bound(from.columns.begin(), from.columns.end(), columns_[strips_[s].first_tile]);
       const std::size_t halves = tiles * tile_elements;
-      std::memcpy(to, from.elements.data() + (at - from.columns.begin()) * std::ptrdiff_t{tile_elements},
+      std::memcpy(to, from.elements + (at - from.columns.begin()) * std::ptrdiff_t{tile_elements},
                   halves * sizeof(Half));
       to += halves;
     }

@@ -27,11 +27,11 @@ HWY_INLINE Vector load_halves(const interflect::Half* from) {
 }
 
 /// Asks for the cache lines of the tile `ahead` bytes behind this one: a single stream would not fill the memory's
-/// pipeline otherwise. Past the caches that hold vectors; past the buffer's end it does nothing.
+/// pipeline otherwise. Past the buffer's end it does nothing.
 HWY_INLINE void prefetch_tile(const interflect::Half* tile, std::size_t ahead) {
   const char* line = reinterpret_cast<const char*>(tile) + ahead;
   for (std::size_t byte = 0; byte < tile_elements * sizeof(interflect::Half); byte += 64)
-    __builtin_prefetch(line + byte, 0, 0);
+    __builtin_prefetch(line + byte, 0, 3);
 }
 
 /// to[q] += the sum of all lanes of sum[q] for `strip_rows` vectors: neighbours are added, two vectors at a time become
