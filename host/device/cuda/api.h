@@ -41,7 +41,7 @@ struct Uuid {
 };
 
 /// CU_DEVICE_ATTRIBUTE_..., and the flags that are used.
-inline constexpr int max_grid_dim_x = 5, multiprocessor_count = 16, compute_mode = 20;
+inline constexpr int max_grid_dim_x = 5, clock_rate = 13, multiprocessor_count = 16, compute_mode = 20;
 inline constexpr int capability_major = 75, capability_minor = 76;
 inline constexpr int compute_mode_prohibited = 2;
 inline constexpr unsigned stream_non_blocking = 1, event_disable_timing = 2;

@@ -314,6 +314,10 @@ Found describe(const Driver& driver, std::uint32_t index) {
   info.driver = "CUDA " + version_text(version);
   info.memory_bytes = info.max_buffer_bytes = memory;
   info.compute_units = static_cast<std::uint32_t>(attribute(multiprocessor_count));
+  int kilohertz = 0;  // newer drivers may not tell
+  if (driver.device_attribute(&kilohertz, clock_rate, found.device) == 0 && kilohertz > 0) {
+    info.max_clock_mhz = static_cast<std::uint32_t>(kilohertz) / 1000;
+  }
   for (const unsigned char byte : uuid.bytes) info.hardware += fmt::format("{:02x}", byte);
   info.max_groups = static_cast<std::uint32_t>(attribute(max_grid_dim_x));
   info.rows_per_group = 8;
