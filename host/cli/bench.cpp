@@ -15,6 +15,7 @@
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
 #include "interflect/device/registry.h"
+#include "interflect/schedule/storage_choice.h"
 #include "power_law.h"
 #include "report.h"
 #include "study.h"
@@ -29,7 +30,8 @@ struct Options {
   std::string device = "auto";
   std::string scenes;
   std::vector<unsigned> rooms;
-  std::string storage = "dense32";
+  std::string storage = "dense32,sym16";
+  std::uint32_t random = 0;
   bool growth = false;
   std::uint32_t growth_max = 32000;
   std::string json, csv, plot, compare, from;
@@ -50,18 +52,18 @@ DeviceInfo info_of(const std::string& id, bool alone) {
   }
 }
 
-/// Rooms that are asked for: all, or those that are named; none of its own accord when growth is asked for.
+/// Rooms that are asked for: all, or those that are named; none of its own accord when something else is asked for.
 bool wanted(const Options& options, const Room& room) {
-  if (options.rooms.empty()) return !options.growth;
+  if (options.rooms.empty()) return !options.growth && options.random == 0;
   return std::find(options.rooms.begin(), options.rooms.end(), room.patches) != options.rooms.end();
 }
 
 BenchRun measured(const Options& options, const std::vector<std::string>& ids, Console& console) {
-  const BenchPlan plan{scenes_folder(options.scenes), ids, parse_storages(options.storage), options.repetitions,
-                       options.peers};
   std::vector<DeviceInfo> infos;
   infos.reserve(ids.size());
   for (const std::string& id : ids) infos.push_back(info_of(id, ids.size() == 1));
+  const BenchPlan plan{scenes_folder(options.scenes), ids,           parse_storages(options.storage),
+                       options.repetitions,           options.peers, sym16_block(infos.front())};
   BenchRun run;
   run.header = bench_header(infos, options.repetitions);
   fmt::print("{}{}", header_text(run.header), text_header());
@@ -75,6 +77,7 @@ BenchRun measured(const Options& options, const std::vector<std::string>& ids, C
   for (const Room& room : study_rooms()) {
     if (wanted(options, room)) add(bench_room(plan, room, devices, console));
   }
+  if (options.random > 0) add(bench_random(plan, options.random, devices));
   if (options.growth) bench_growth(plan, options.growth_max, devices, console, add);
   set_spread(run.header, run.rows);
   return run;
@@ -173,6 +176,10 @@ void add_measuring(CLI::App& command, Options& options) {
       ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}));
   command.add_option("--storage", options.storage, "how F is stored: one, several between commas, or all")
       ->capture_default_str();
+  command
+      .add_option("--random", options.random,
+                  "products of a dense random matrix of so many patches; instead of the rooms unless --room names some")
+      ->check(count(1U << 20U));
   command.add_flag("--growth", options.growth,
                    "a product of one room at 1k, 2k, 4k, ... 32k patches, and the exponents of its time and bytes; "
                    "instead of the rooms unless --room names some");
@@ -207,10 +214,11 @@ void add_bench(CLI::App& program, Action& action) {
   auto* study = command.add_flag("--study", options->study, "print the 2014 study's tables with our figures beside");
   add_measuring(command, *options);
   add_files(command, *options);
-  for (const char* other : {"--peers", "--storage", "--growth", "--csv", "--plot", "--compare", "--from"}) {
+  for (const char* other : {"--peers", "--storage", "--random", "--growth", "--csv", "--plot", "--compare", "--from"}) {
     study->excludes(command.get_option(other));
   }
-  for (const char* other : {"--peers", "--room", "--storage", "--growth", "--growth-max", "--device", "--scenes"}) {
+  for (const char* other :
+       {"--peers", "--room", "--storage", "--random", "--growth", "--growth-max", "--device", "--scenes"}) {
     command.get_option("--from")->excludes(command.get_option(other));
   }
   command.add_flag("--quiet", options->quiet, "no progress and no warnings");

@@ -74,7 +74,7 @@ std::vector<BenchRow> step(const BenchPlan& plan, std::uint32_t patches, Progres
   for (const Storage storage : plan.storages) {
     BenchRow why = base;
     const bool measured = loaded && guarded(why, [&] {
-                            const Stored matrix(factors.matrix, scene.mesh, storage);
+                            const Stored matrix(factors.matrix, scene.mesh, storage, plan.block);
                             append_rows(rows, plan, matrix, base);
                           });
     if (!measured) append_refused(rows, plan, why, storage);

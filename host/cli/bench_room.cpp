@@ -22,7 +22,8 @@ namespace {
 struct Loaded {
   MeshedScene scene;
   FormFactors factors;
-  double sum = 0;  ///< of all form factors, in double
+  double sum = 0;       ///< of all form factors, in double
+  bool random = false;  ///< numbers without a scene: nothing is solved
 };
 
 /// F in one storage on one device.
@@ -242,7 +243,9 @@ std::vector<BenchRow> solves(const std::vector<Site>& sites, const Loaded& room,
 std::vector<std::unique_ptr<Stored>> matrices_of(const BenchPlan& plan, const Loaded& room) {
   std::vector<std::unique_ptr<Stored>> matrices;
   const auto add = [&](Storage storage) {
-    matrices.push_back(std::make_unique<Stored>(room.factors.matrix, room.scene.mesh, storage));
+    const PatchMesh& mesh = room.scene.mesh;
+    matrices.push_back(room.random ? std::make_unique<Stored>(room.factors.matrix, mesh.area, storage, plan.block)
+                                   : std::make_unique<Stored>(room.factors.matrix, mesh, storage, plan.block));
   };
   add(Storage::dense32);
   for (const Storage storage : plan.storages) {
@@ -270,11 +273,7 @@ std::vector<Site> sites_of(const BenchPlan& plan, const Loaded& room,
   return sites;
 }
 
-}  // namespace
-
-std::vector<BenchRow> bench_room(const BenchPlan& plan, const Room& room, const std::vector<BenchRow>& measured,
-                                 ProgressSink& progress) {
-  const Loaded loaded = load_room(plan.folder, room, progress);
+std::vector<BenchRow> bench_loaded(const BenchPlan& plan, const Loaded& loaded, const std::vector<BenchRow>& measured) {
   const std::vector<std::unique_ptr<Stored>> matrices = matrices_of(plan, loaded);
   std::vector<BenchRow> rows;
   std::vector<Site> sites = sites_of(plan, loaded, matrices);
@@ -289,9 +288,40 @@ std::vector<BenchRow> bench_room(const BenchPlan& plan, const Room& room, const 
   const auto append = [&](std::vector<BenchRow> more) { rows.insert(rows.end(), more.begin(), more.end()); };
   const auto peers = plan.peers && !sites.empty() ? peers::all_peers(plan.devices) : std::vector<peers::Peer>{};
   append(products(sites, loaded, plan.repetitions, machine, peers));
-  append(solves(sites, loaded, std::max(1U, plan.repetitions / 3), measured));
+  if (!loaded.random) append(solves(sites, loaded, std::max(1U, plan.repetitions / 3), measured));
   set_ceilings(rows, std::vector<BenchRow>(rows), measured);
   return rows;
+}
+
+/// Values between 0.5/n and 1.5/n, the same for (i, j) and (j, i), and patches of one size.
+Loaded random_matrix(std::uint32_t n) {
+  Loaded loaded;
+  loaded.random = true;
+  loaded.scene.scene.name = "random";
+  loaded.scene.mesh.area.assign(n, 1.0);
+  loaded.factors.matrix = FormFactorMatrix(n);
+#pragma omp parallel for schedule(dynamic, 16)
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const std::span<float> row = loaded.factors.matrix.row(i);
+    for (std::uint32_t j = 0; j < n; ++j) {
+      std::uint32_t mixed = (std::min(i, j) * 2654435761U ^ std::max(i, j) * 40503U) * 2246822519U;
+      mixed ^= mixed >> 15U;
+      row[j] = (0.5F + static_cast<float>(mixed >> 8U) * 0x1p-24F) / static_cast<float>(n);
+    }
+  }
+  for (const double row : loaded.factors.matrix.row_sums()) loaded.sum += row;
+  return loaded;
+}
+
+}  // namespace
+
+std::vector<BenchRow> bench_room(const BenchPlan& plan, const Room& room, const std::vector<BenchRow>& measured,
+                                 ProgressSink& progress) {
+  return bench_loaded(plan, load_room(plan.folder, room, progress), measured);
+}
+
+std::vector<BenchRow> bench_random(const BenchPlan& plan, std::uint32_t n, const std::vector<BenchRow>& measured) {
+  return bench_loaded(plan, random_matrix(n), measured);
 }
 
 }  // namespace interflect::cli

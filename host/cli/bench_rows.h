@@ -19,6 +19,7 @@ struct BenchPlan {
   std::vector<Storage> storages;
   unsigned repetitions = 15;
   bool peers = false;  ///< other people's libraries do the products of the rooms in the same passes (bench_peers.h)
+  std::uint32_t block = 0;  ///< of sym16; 0: PackedMatrix's own choice
 };
 /// Takes rows as they are finished.
 using RowSink = std::function<void(const std::vector<BenchRow>&)>;
@@ -37,6 +38,11 @@ using RowSink = std::function<void(const std::vector<BenchRow>&)>;
 /// `measured` are the rows of bench_devices().
 [[nodiscard]] std::vector<BenchRow> bench_room(const BenchPlan& plan, const Room& room,
                                                const std::vector<BenchRow>& measured, ProgressSink& progress);
+
+/// The same products of a dense, symmetric, random matrix of n patches, in which no tile is empty. It is not solved: it
+/// is nearly of rank one, which flatters every method.
+[[nodiscard]] std::vector<BenchRow> bench_random(const BenchPlan& plan, std::uint32_t n,
+                                                 const std::vector<BenchRow>& measured);
 
 /// "growth" rows: a product per storage and device for one room cut into about 1k, 2k, 4k, ... patches, none above
 /// `most`. A size that does not fit into memory is a row with the reason.

@@ -11,11 +11,20 @@
 
 namespace interflect::cli {
 
-Stored::Stored(const FormFactorMatrix& dense, const PatchMesh& mesh, Storage storage) : dense_(dense) {
+Stored::Stored(const FormFactorMatrix& dense, const PatchMesh& mesh, Storage storage, std::uint32_t block)
+    : dense_(dense) {
   if (storage == Storage::dense32) return;
   PackedMatrix::Options options;
+  options.block = block;
   if (storage != Storage::dense16) options.order = patch_order(mesh, dense);
   packed_ = std::make_unique<PackedMatrix>(dense, mesh.area, storage, std::move(options));
+}
+
+Stored::Stored(const FormFactorMatrix& dense, std::span<const double> area, Storage storage, std::uint32_t block)
+    : dense_(dense) {
+  PackedMatrix::Options options;
+  options.block = block;
+  if (storage != Storage::dense32) packed_ = std::make_unique<PackedMatrix>(dense, area, storage, std::move(options));
 }
 
 std::unique_ptr<Scheduler> Stored::place(std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns) const {

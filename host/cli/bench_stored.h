@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -13,8 +15,11 @@ namespace interflect::cli {
 /// F in one storage, of a dense matrix that must outlive it.
 class Stored {
  public:
-  /// Packs F, the tiled formats in patch_order(); or only refers to it for dense32. Throws what PackedMatrix throws.
-  Stored(const FormFactorMatrix& dense, const PatchMesh& mesh, Storage storage);
+  /// Packs F, the tiled formats in patch_order() and sym16 with that block; or only refers to it for dense32. Throws
+  /// what PackedMatrix throws.
+  Stored(const FormFactorMatrix& dense, const PatchMesh& mesh, Storage storage, std::uint32_t block);
+  /// The same for a matrix without a scene; patches stay in their order.
+  Stored(const FormFactorMatrix& dense, std::span<const double> area, Storage storage, std::uint32_t block);
 
   [[nodiscard]] Storage storage() const { return packed_ == nullptr ? Storage::dense32 : packed_->storage(); }
   [[nodiscard]] std::uint32_t size() const { return dense_.size(); }

@@ -144,6 +144,7 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
   const Timer packing;
   PackedMatrix::Options options;
   if (storage != Storage::dense16) options.order = patch_order(mesh, matrix);
+  options.block = sym16_block(candidates.info());
   const PackedMatrix packed(matrix, mesh.area, storage, std::move(options));
   StorageUse use{storage, packed.bytes(), packed.nonzero_fraction(), {}, packing.seconds()};
   const Light light = light_of(mesh);

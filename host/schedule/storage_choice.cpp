@@ -35,4 +35,8 @@ Storage choose_storage(std::uint32_t n, const DeviceInfo& device) {
   return device.emulated() && n >= beyond_caches ? Storage::sym16 : Storage::dense32;
 }
 
+std::uint32_t sym16_block(const DeviceInfo& device) {
+  return device.type == DeviceType::cpu ? 0 : 256;
+}
+
 }  // namespace interflect
