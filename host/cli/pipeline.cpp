@@ -171,12 +171,16 @@ Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
   if (format == Storage::dense32) return solve_dense(matrix, mesh, candidates, method, stop, progress);
   Solved solved = solve_packed(matrix, mesh, candidates, format, method, stop, progress);
   const std::optional<double> error = solved.storage.rounding_error;
-  if (!error || *error <= largest_rounding_error || !solved.report.converged)
-    return solved;  // true for a good one only
-  progress.message(
-      fmt::format("warning: {} is refused: its rounding moves a radiosity by {:.1e} of the largest, {:.0e} is allowed; "
-                  "solving with dense32",
-                  name(format), *error, largest_rounding_error));
+  std::string why;
+  if (!solved.report.converged && !stop.iterations && solved.report.iterations < stop.max_iterations) {
+    why = "the rounded form factors have no solution within the tolerance";  // where ρ is near 1 they may have none at
+                                                                             // all
+  } else if (error && solved.report.converged && !(*error <= largest_rounding_error)) {  // also NaN
+    why = fmt::format("its rounding moves a radiosity by {:.1e} of the largest, {:.0e} is allowed", *error,
+                      largest_rounding_error);
+  }
+  if (why.empty()) return solved;
+  progress.message(fmt::format("warning: {} is refused: {}; solving with dense32", name(format), why));
   return solve_dense(matrix, mesh, candidates, method, stop, progress);
 }
 
