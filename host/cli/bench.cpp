@@ -11,6 +11,7 @@
 #include "interflect/device/registry.h"
 #include "report.h"
 #include "study.h"
+#include "tune.h"
 #include "validators.h"
 
 namespace interflect::cli {
@@ -112,7 +113,10 @@ int run(const Options& options) {
   for (const Room& room : study_rooms()) {
     const bool wanted = options.rooms.empty() ||
                         std::find(options.rooms.begin(), options.rooms.end(), room.patches) != options.rooms.end();
-    if (wanted) add(bench_room(folder, room, ids, options.repetitions, options.peers, console));
+    if (!wanted) continue;
+    constexpr Storage formats[] = {Storage::dense32};
+    tune_on_first_use(ids, formats, room.patches, console);
+    add(bench_room(folder, room, ids, options.repetitions, options.peers, console));
   }
   write_files(options, head, rows);
   const bool failed = std::any_of(rows.begin(), rows.end(), [](const BenchRow& row) { return row.status == "fail"; });
