@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,7 +22,7 @@ namespace interflect::cli {
 namespace {
 
 struct Options {
-  std::string device;
+  std::optional<std::string> device;
   double seconds = 10;
   bool list = false, clear = false, json = false, quiet = false;
 };
@@ -40,10 +41,10 @@ std::string gain_text(const TunedShape& shape) {
 std::vector<DeviceInfo> wanted_devices(const Options& options) {
   std::vector<DeviceInfo> infos;
   std::vector<std::string> ids;
-  if (!options.device.empty()) ids = choose_devices(options.device);
+  if (options.device) ids = choose_devices(*options.device);
   for (const DeviceEntry& entry : list_devices()) {
     const bool named = std::find(ids.begin(), ids.end(), entry.info.id) != ids.end();
-    if (options.device.empty() ? entry.available : named) infos.push_back(entry.info);
+    if (options.device ? named : entry.available) infos.push_back(entry.info);
   }
   return infos;
 }
@@ -52,7 +53,7 @@ std::vector<DeviceInfo> wanted_devices(const Options& options) {
 
 int list(const Options& options) {
   std::vector<KeptShape> all = kept_shapes();
-  if (!options.device.empty()) {
+  if (options.device) {
     const std::vector<DeviceInfo> devices = wanted_devices(options);
     std::erase_if(all, [&](const KeptShape& kept) {
       return std::none_of(devices.begin(), devices.end(), [&](const DeviceInfo& device) { return kept.of(device); });
@@ -87,7 +88,7 @@ int list(const Options& options) {
 
 int clear(const Options& options) {
   std::size_t count = 0;
-  if (options.device.empty()) {
+  if (!options.device) {
     count = forget_shapes();
   } else {
     const std::vector<DeviceInfo> devices = wanted_devices(options);
@@ -140,9 +141,9 @@ int search(const Options& options) {
   if (!tuning_allowed()) throw Error(ErrorKind::usage, "INTERFLECT_TUNING is off: nothing is tuned");
   Console console(options.quiet);
   std::vector<std::string> ids;
-  if (!options.device.empty()) {
-    ids = choose_devices(options.device);
-    if (options.device == "auto") ids.resize(1);
+  if (options.device) {
+    ids = choose_devices(*options.device);
+    if (*options.device == "auto") ids.resize(1);
   } else {
     for (const DeviceInfo& info : wanted_devices(options)) ids.push_back(info.id);
   }

@@ -27,11 +27,11 @@ inline constexpr std::uint32_t tuned_columns = 3;
 /// What a search has found for one kernel.
 struct TunedShape {
   std::string kernel;
-  Macros standard;                   ///< the macros that could be chosen, by default
-  Macros chosen;                     ///< the same macros, as they were found best; equal where nothing was better
-  double gain = 1;                   ///< seconds by default / seconds as chosen: the median of the last comparison
-  bool done = true;                  ///< false: the time was up before all candidates had been tried
-  std::vector<std::string> refused;  ///< a line for each candidate that was faster, but failed its check
+  Macros standard = {};                   ///< the macros that could be chosen, by default
+  Macros chosen = {};                     ///< the same macros, as they were found best; equal where nothing was better
+  double gain = 1;                        ///< seconds by default / seconds as chosen: the median of the last comparison
+  bool done = true;                       ///< false: the time was up before all candidates had been tried
+  std::vector<std::string> refused = {};  ///< a line for each candidate that was faster, but failed its check
 };
 
 /// False with INTERFLECT_TUNING=off.
@@ -78,9 +78,9 @@ struct TunableMacro {
 [[nodiscard]] std::vector<TunableMacro> tunable_macros(const DeviceInfo& device, std::string_view kernel);
 
 struct TuningOptions {
-  double seconds = 2;           ///< for all that tune() does, compiling included; what has begun is finished
-  std::function<double()> now;  ///< a clock in seconds; empty: the wall's
-  std::uint64_t bytes = 0;      ///< of the matrix that is timed; 0: more than the device's caches hold
+  double seconds = 2;                ///< for all that tune() does, compiling included; what has begun is finished
+  std::function<double()> now = {};  ///< a clock in seconds; empty: the wall's
+  std::uint64_t bytes = 0;           ///< of the matrix that is timed; 0: more than the device's caches hold
 };
 /// Searches the shape of one kernel, macro by macro, from the default outwards: a candidate is timed in turns with the
 /// best so far over a matrix of ones, must be faster by 2 % in the median and in all turns but one, and is then taken
