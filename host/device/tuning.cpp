@@ -17,7 +17,7 @@ namespace interflect {
 namespace {
 
 constexpr double least_gain = 1.02;  // in the median; and faster in all turns but one
-constexpr double hopeless = 0.9;     // a candidate that slow ends the way in its direction
+constexpr double hopeless = 0.9;     // two candidates that slow, one after the other, end the way in their direction
 constexpr double pass_seconds = 2e-3;
 constexpr int most_runs = 50;
 
@@ -100,11 +100,12 @@ class Search {
     return {middle >= least_gain && lost <= 1, middle};
   }
 
-  /// From the best value of a macro on, up or down its candidates, as long as they are not hopeless.
+  /// From the best value of a macro on, up or down its candidates, as long as there is hope.
   void walk(const TunableMacro& macro, int direction) {
     const auto begin =
         static_cast<int>(std::find(macro.values.begin(), macro.values.end(), macro.standard) - macro.values.begin());
-    for (int k = begin + direction; k >= 0 && k < static_cast<int>(macro.values.size()); k += direction) {
+    int misses = 0;
+    for (int k = begin + direction; misses < 2 && k >= 0 && k < static_cast<int>(macro.values.size()); k += direction) {
       if (left() < longest_) {
         result_.done = false;
         return;
@@ -114,7 +115,7 @@ class Search {
       candidate[macro.name] = macro.values[static_cast<std::size_t>(k)];
       const double ratio = try_one(candidate);
       longest_ = std::max(longest_, now() - started);
-      if (ratio < hopeless) return;
+      misses = ratio < hopeless ? misses + 1 : 0;
     }
   }
 
@@ -138,11 +139,12 @@ class Search {
   /// All check cases of the kernel for the tuned number of columns: with its own blocks, and with a BLOCK that was
   /// chosen.
   bool passes(const Macros& candidate) {
-    Macros others = candidate;
-    others.erase("BLOCK");
+    Macros others = candidate, standard = result_.standard;
+    const bool with_block = others.erase("BLOCK") != 0;
+    standard.erase("BLOCK");
     std::vector<KernelCheck> rows;
-    check_with(others, rows);
-    if (candidate.contains("BLOCK")) check_with(candidate, rows);
+    if (others != standard || !with_block) check_with(others, rows);
+    if (with_block) check_with(candidate, rows);
     for (const KernelCheck& row : rows) {
       if (row.status != CheckStatus::fail) continue;
       result_.refused.push_back(fmt::format("{}: n={} {}: {}", text(candidate), row.size, row.parameters, row.reason));

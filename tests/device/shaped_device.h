@@ -1,16 +1,38 @@
 #pragma once
 
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "device/kernel_folder.h"
 #include "interflect/base/error.h"
 #include "interflect/device/device.h"
 #include "interflect/device/registry.h"
 
 namespace interflect::test {
+
+/// INTERFLECT_KERNEL_DIR with sources that only name the macros: for a ShapedDevice that says it is one of OpenCL.
+class ShapeSources {
+ public:
+  ShapeSources() {
+    std::filesystem::create_directories(folder_.path() / "cl");
+    write("matvec", "ROWS");
+    write("tiles16", "STRIPS");
+    write("sym16", "BLOCK");
+  }
+  void write(const std::string& file, const std::string& text) const { std::ofstream(path(file)) << text; }
+  [[nodiscard]] std::filesystem::path path(const std::string& file) const {
+    return folder_.path() / "cl" / (file + ".cl");
+  }
+
+ private:
+  TemporaryFolder folder_{"shapes"};
+  Variable variable_{"INTERFLECT_KERNEL_DIR", folder_.path().string()};
+};
 
 /// What a ShapedDevice pretends to be, and what it has seen.
 struct Shaping {

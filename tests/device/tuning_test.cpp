@@ -69,6 +69,7 @@ class Tuning : public testing::Test {
   }
 
   test::FreshCache cache;
+  test::ShapeSources sources;
   test::Variable allowed{"INTERFLECT_TUNING", "on"};
   std::shared_ptr<Shaping> shaping = std::make_shared<Shaping>();
 };
@@ -207,14 +208,12 @@ TEST_F(Tuning, AnotherDeviceDriverOrSourceHasNoEntry) {
   other = info();
   other.backend = "vulkan";
   EXPECT_FALSE(kept_shape(other, "matvec"));
-  const std::string home = cache.entries().parent_path().parent_path().string();
-  test::KernelFolder kernels;
-  const test::Variable same_cache("XDG_CACHE_HOME", home);
-  EXPECT_TRUE(kept_shape(info(), "matvec")) << "the same source from a folder";
-  kernels.replace("cl/matvec.cl", "// y = F x", "// Changed. y = F x");
+  EXPECT_TRUE(kept_shape(info(), "matvec"));
+  sources.write("matvec", "ROWS // changed");
   EXPECT_FALSE(kept_shape(info(), "matvec"));
-  fs::remove(kernels.path() / "cl" / "matvec.cl");
+  std::filesystem::remove(sources.path("matvec"));
   EXPECT_FALSE(kept_shape(info(), "matvec")) << "and no source at all is no error here";
+  EXPECT_THAT(tunable_kernels(info()), ElementsAre("tiles16", "sym16"));
 }
 
 TEST_F(Tuning, DamageIsNoticedWhereverItIs) {

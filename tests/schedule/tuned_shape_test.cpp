@@ -57,6 +57,7 @@ DeviceInfo info_of(const Applied& run) {
 class TunedShapes : public testing::Test {
  protected:
   test::FreshCache cache;
+  test::ShapeSources sources;
   test::Variable allowed{"INTERFLECT_TUNING", "on"};
 };
 
