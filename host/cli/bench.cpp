@@ -2,13 +2,21 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 
+#include "bench_compare.h"
+#include "bench_header.h"
+#include "bench_plot.h"
+#include "bench_read.h"
 #include "bench_rows.h"
+#include "bench_stored.h"
 #include "commands.h"
 #include "console.h"
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
 #include "interflect/device/registry.h"
+#include "interflect/schedule/storage_choice.h"
+#include "power_law.h"
 #include "report.h"
 #include "study.h"
 #include "tune.h"
@@ -23,7 +31,11 @@ struct Options {
   std::string device = "auto";
   std::string scenes;
   std::vector<unsigned> rooms;
-  std::string json, csv;
+  std::string storage = "dense32,sym16";
+  std::uint32_t random = 0;
+  bool growth = false;
+  std::uint32_t growth_max = 32000;
+  std::string json, csv, plot, compare, from;
   unsigned repetitions = 15;
   bool quiet = false;
 };
@@ -41,86 +53,168 @@ DeviceInfo info_of(const std::string& id, bool alone) {
   }
 }
 
-nlohmann::ordered_json header(const std::vector<DeviceInfo>& infos, unsigned repetitions) {
-  nlohmann::ordered_json devices = nlohmann::ordered_json::array();
-  for (const DeviceInfo& info : infos) {
-    devices.push_back(
-        {{"id", info.id}, {"name", info.name}, {"driver", info.driver}, {"compute_units", info.compute_units}});
-  }
-  return {{"interflect", INTERFLECT_VERSION},
-          {"devices", devices},
-          {"repetitions", repetitions},
-          {"statistic",
-           "median, minimum and maximum; devices take turns pass by pass, ratios are the median of those of a pass"}};
+/// Rooms that are asked for: all, or those that are named; none of its own accord when something else is asked for.
+bool wanted(const Options& options, const Room& room) {
+  if (options.rooms.empty()) return !options.growth && options.random == 0;
+  return std::find(options.rooms.begin(), options.rooms.end(), room.patches) != options.rooms.end();
 }
 
-void write_json(const std::string& path, const nlohmann::ordered_json& value) {
-  AtomicFile file(path);
-  file.write(dump(value));
+BenchRun measured(const Options& options, const std::vector<std::string>& ids, Console& console) {
+  std::vector<DeviceInfo> infos;
+  infos.reserve(ids.size());
+  for (const std::string& id : ids) infos.push_back(info_of(id, ids.size() == 1));
+  BenchPlan plan{scenes_folder(options.scenes), ids,           parse_storages(options.storage),
+                 options.repetitions,           options.peers, 0};
+  BenchRun run;
+  run.header = bench_header(infos, options.repetitions);
+  fmt::print("{}{}", header_text(run.header), text_header());
+  const RowSink add = [&](const std::vector<BenchRow>& more) {
+    for (const BenchRow& row : more) fmt::print("{}", to_text(row));
+    std::fflush(stdout);
+    run.rows.insert(run.rows.end(), more.begin(), more.end());
+  };
+  const std::vector<BenchRow> devices = bench_devices(ids, options.repetitions);
+  add(devices);
+  const auto prepare = [&](std::uint32_t n) {
+    tune_on_first_use(ids, plan.storages, n, console);
+    plan.block = sym16_block(infos.front(), n);
+  };
+  for (const Room& room : study_rooms()) {
+    if (!wanted(options, room)) continue;
+    prepare(room.patches);
+    add(bench_room(plan, room, devices, console));
+  }
+  if (options.random > 0) {
+    prepare(options.random);
+    add(bench_random(plan, options.random, devices));
+  }
+  plan.block = sym16_block(infos.front(), 0);  // of any size
+  if (options.growth) bench_growth(plan, options.growth_max, devices, console, add);
+  set_spread(run.header, run.rows);
+  return run;
+}
+
+/// A file's run, printed as if it had been measured now.
+BenchRun read_back(const std::string& file) {
+  BenchRun run = read_bench(file);
+  fmt::print("{}{}", header_text(run.header), text_header());
+  for (const BenchRow& row : run.rows) fmt::print("{}", to_text(row));
+  return run;
+}
+
+void write_file(const std::string& name, const std::string& content) {
+  AtomicFile file(name);
+  file.write(content);
   file.commit();
 }
 
-void write_files(const Options& options, const nlohmann::ordered_json& head, const std::vector<BenchRow>& rows) {
+void write_files(const Options& options, const BenchRun& run, const std::vector<Growth>& growth,
+                 const std::vector<Compared>& compared) {
   if (!options.json.empty()) {
     nlohmann::ordered_json out;
-    out["header"] = head;
+    out["header"] = run.header;
     out["rows"] = nlohmann::ordered_json::array();
-    for (const BenchRow& row : rows) out["rows"].push_back(to_json(row));
-    write_json(options.json, out);
+    for (const BenchRow& row : run.rows) out["rows"].push_back(to_json(row));
+    if (!growth.empty()) out["growth"] = growth_json(growth);
+    if (!options.compare.empty()) out["compared"] = {{"with", options.compare}, {"rows", compare_json(compared)}};
+    write_file(options.json, dump(out));
   }
   if (!options.csv.empty()) {
-    AtomicFile file(options.csv);
-    file.write(csv_header());
-    for (const BenchRow& row : rows) file.write(to_csv(row));
-    file.commit();
+    std::string lines = csv_header();
+    for (const BenchRow& row : run.rows) lines += to_csv(row);
+    write_file(options.csv, lines);
+  }
+  if (!options.plot.empty()) write_file(options.plot, plot(run, options.plot));
+}
+
+int run_study(const Options& options, const std::string& id, Console& console) {
+  const unsigned passes = std::max(1U, options.repetitions / 3);
+  const auto head = bench_header({info_of(id, true)}, passes);
+  const StudyTables tables = study_tables(scenes_folder(options.scenes), id, passes, options.rooms, console);
+  fmt::print("{}", tables.text);
+  if (!options.json.empty()) {
+    nlohmann::ordered_json out = {{"header", head}};
+    out.update(tables.data);
+    write_file(options.json, dump(out));
+  }
+  return tables.verified ? 0 : exit_status(ErrorKind::device);
+}
+
+/// What can be wrong with the options is found here, before the work.
+void check_files(const Options& options) {
+  if (!options.plot.empty()) check_plot_name(options.plot);
+  static_cast<void>(parse_storages(options.storage));
+  for (const std::string& file : {options.json, options.csv, options.plot}) {
+    if (!file.empty()) const AtomicFile probe(file);
   }
 }
 
 int run(const Options& options) {
   Console console(options.quiet);
-  for (const std::string& file : {options.json, options.csv}) {
-    if (!file.empty()) const AtomicFile probe(file);  // found before the work: it cannot be written
+  check_files(options);
+  const BenchRun old = options.compare.empty() ? BenchRun{} : read_bench(options.compare);
+  BenchRun now;
+  if (!options.from.empty()) {
+    now = read_back(options.from);
+  } else {
+    std::vector<std::string> ids = choose_devices(options.device);
+    if (options.device == "auto") ids.resize(1);
+    if (options.study) return run_study(options, ids.front(), console);
+    now = measured(options, ids, console);
   }
-  std::vector<std::string> ids = choose_devices(options.device);
-  if (options.device == "auto") ids.resize(1);
-  std::vector<DeviceInfo> infos;
-  infos.reserve(ids.size());
-  for (const std::string& id : ids) infos.push_back(info_of(id, ids.size() == 1));
-  const std::string folder = scenes_folder(options.scenes);
-  if (options.study) {
-    const unsigned passes = std::max(1U, options.repetitions / 3);
-    const StudyTables tables = study_tables(folder, ids.front(), passes, options.rooms, console);
-    fmt::print("{}", tables.text);
-    if (!options.json.empty()) {
-      nlohmann::ordered_json out = {{"header", header(infos, passes)}};
-      out.update(tables.data);
-      write_json(options.json, out);
-    }
-    return tables.verified ? 0 : exit_status(ErrorKind::device);
+  const std::vector<Growth> growth = growth_of(now.rows);
+  fmt::print("{}{}", growth_text(growth), spread_text(now.header));
+  std::vector<Compared> compared;
+  if (!options.compare.empty()) {
+    compared = compare(old.rows, now.rows);
+    fmt::print("\ncompared with {}\n{}", options.compare, compare_text(compared));
   }
-  const auto head = header(infos, options.repetitions);
-  for (const DeviceInfo& info : infos) {
-    fmt::print("{} ({}), {}, {} compute units\n", info.id, info.name, info.driver, info.compute_units);
-  }
-  fmt::print("{} repetitions\n{}", options.repetitions, text_header());
-  std::vector<BenchRow> rows;
-  const auto add = [&](const std::vector<BenchRow>& more) {
-    for (const BenchRow& row : more) fmt::print("{}", to_text(row));
-    std::fflush(stdout);
-    rows.insert(rows.end(), more.begin(), more.end());
-  };
-  add(bench_devices(ids, options.repetitions));
-  for (const Room& room : study_rooms()) {
-    const bool wanted = options.rooms.empty() ||
-                        std::find(options.rooms.begin(), options.rooms.end(), room.patches) != options.rooms.end();
-    if (!wanted) continue;
-    constexpr Storage formats[] = {Storage::dense32};
-    tune_on_first_use(ids, formats, room.patches, console);
-    add(bench_room(folder, room, ids, options.repetitions, options.peers, console));
-  }
-  write_files(options, head, rows);
-  const bool failed = std::any_of(rows.begin(), rows.end(), [](const BenchRow& row) { return row.status == "fail"; });
+  write_files(options, now, growth, compared);
+  const bool failed =
+      std::any_of(now.rows.begin(), now.rows.end(), [](const BenchRow& row) { return row.status == "fail"; });
   return failed ? exit_status(ErrorKind::device) : 0;
+}
+
+void add_measuring(CLI::App& command, Options& options) {
+  command.add_option("--device", options.device, "device id, or several between commas: they take turns pass by pass")
+      ->capture_default_str();
+  command.add_flag(
+      "--peers", options.peers,
+      "time OpenBLAS, Eigen, ViennaCL, CLBlast, cuBLAS and cuSPARSE, as far as they are there, on the same "
+      "products");
+  command.add_option("--scenes", options.scenes, "folder with the rooms");
+  command.add_option("--room", options.rooms, "only the room with so many patches (may be given several times)")
+      ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}));
+  command.add_option("--storage", options.storage, "how F is stored: one, several between commas, or all")
+      ->capture_default_str();
+  command
+      .add_option("--random", options.random,
+                  "products of a dense random matrix of so many patches; instead of the rooms unless --room names some")
+      ->check(count(1U << 20U));
+  command.add_flag("--growth", options.growth,
+                   "a product of one room at 1k, 2k, 4k, ... 32k patches, and the exponents of its time and bytes; "
+                   "instead of the rooms unless --room names some");
+  command.add_option("--growth-max", options.growth_max, "end --growth at so many patches")
+      ->check(number(0U, 1'000'000U))
+      ->capture_default_str();
+  command.add_option("--repetitions", options.repetitions, "timed passes of each")
+      ->check(number(0U, 1000U))
+      ->capture_default_str();
+}
+
+void add_files(CLI::App& command, Options& options) {
+  command.add_option("--json", options.json, "write header and rows as JSON")->check(file_name());
+  command.add_option("--csv", options.csv, "write the rows as CSV")->check(file_name());
+  command.add_option("--plot", options.plot, "draw them: FILE.html or FILE.svg")->check(file_name());
+  command
+      .add_option("--compare", options.compare,
+                  fmt::format("a file of an earlier --json: old and new median of each row. A row is slower or faster "
+                              "when the medians differ by more than the interquartile ranges of both together and by "
+                              "more than {:.0f} % of the old one; rows of one pass are not judged",
+                              100 * least_change))
+      ->check(file_name());
+  command.add_option("--from", options.from, "measure nothing: take the rows from a file of an earlier --json")
+      ->check(file_name());
 }
 
 }  // namespace
@@ -129,21 +223,15 @@ void add_bench(CLI::App& program, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App& command = *program.add_subcommand("bench", "measure a device: bandwidth, products, solves, each verified");
   auto* study = command.add_flag("--study", options->study, "print the 2014 study's tables with our figures beside");
-  command.add_option("--device", options->device, "device id, or several between commas: they take turns pass by pass")
-      ->capture_default_str();
-  command
-      .add_flag("--peers", options->peers,
-                "time OpenBLAS, Eigen, ViennaCL, CLBlast, cuBLAS and cuSPARSE, as far as they are there, on the same "
-                "products")
-      ->excludes(study);
-  command.add_option("--scenes", options->scenes, "folder with the rooms");
-  command.add_option("--room", options->rooms, "only the room with so many patches (may be given several times)")
-      ->check(CLI::IsMember({1312U, 3360U, 9680U, 17128U}));
-  command.add_option("--json", options->json, "write the rows as JSON")->check(file_name());
-  command.add_option("--csv", options->csv, "write the rows as CSV")->check(file_name())->excludes(study);
-  command.add_option("--repetitions", options->repetitions, "timed passes of each")
-      ->check(number(0U, 1000U))
-      ->capture_default_str();
+  add_measuring(command, *options);
+  add_files(command, *options);
+  for (const char* other : {"--peers", "--storage", "--random", "--growth", "--csv", "--plot", "--compare", "--from"}) {
+    study->excludes(command.get_option(other));
+  }
+  for (const char* other :
+       {"--peers", "--room", "--storage", "--random", "--growth", "--growth-max", "--device", "--scenes"}) {
+    command.get_option("--from")->excludes(command.get_option(other));
+  }
   command.add_flag("--quiet", options->quiet, "no progress and no warnings");
   command.callback([options, &action] { action = [options] { return run(*options); }; });
 }

@@ -1,21 +1,16 @@
+#include <fmt/format.h>
 #include <omp.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
-#include <limits>
 #include <memory>
-#include <optional>
 #include <utility>
 
 #include "bench_peers.h"
+#include "bench_place.h"
 #include "bench_rows.h"
 #include "interflect/base/error.h"
-#include "interflect/base/timer.h"
-#include "interflect/device/bandwidth.h"
-#include "interflect/device/check.h"
-#include "interflect/device/registry.h"
 #include "measurement.h"
 #include "pipeline.h"
 
@@ -23,132 +18,168 @@ namespace interflect::cli {
 
 namespace {
 
-constexpr std::uint32_t channels = 3;
-
 /// A room with its form factors.
 struct Loaded {
   MeshedScene scene;
   FormFactors factors;
-  double sum = 0;  ///< of all form factors, in double
+  double sum = 0;       ///< of all form factors, in double
+  bool random = false;  ///< numbers without a scene: nothing is solved
 };
 
-Columns test_vector(std::uint32_t n) {
-  Columns x(channels, std::vector<float>(n));
-  for (std::uint32_t c = 0; c < channels; ++c) {
-    for (std::uint32_t i = 0; i < n; ++i) x[c][i] = 0.5F + static_cast<float>((i * 2654435761U + c) >> 24) / 256.0F;
-  }
-  return x;
-}
-
-/// A device with F on it.
-struct Placed {
-  Placed(const std::string& id, const FormFactorMatrix& matrix) : scheduler(matrix, opened(id), channels) {
-    for (const int streams : reader_streams)
-      readers.emplace_back(scheduler.device(), scheduler.panel_buffers(), streams);
-  }
-  static std::vector<std::unique_ptr<Device>> opened(const std::string& id) {
-    std::vector<std::unique_ptr<Device>> devices;
-    devices.push_back(open_device(id));
-    return devices;
-  }
-  Scheduler scheduler;
-  std::vector<Reader> readers;
-  Vector x = scheduler.vector(), y = scheduler.vector();
+/// F in one storage on one device.
+struct Site {
+  BenchRow base;  ///< device, scene, storage, n, columns
+  const Stored* matrix = nullptr;
+  SharedPlace place;
+  bool asked = true;  ///< false: only there to read the dense matrix
+  [[nodiscard]] bool dense() const { return matrix->storage() == Storage::dense32; }
 };
-using SharedPlace = std::shared_ptr<Placed>;
 
-/// The best of the stream counts in every pass; the sums of F are held against those in double.
-Timed reading(const SharedPlace& place, double exact) {
-  return {.pass =
-              [place] {
-                double best = std::numeric_limits<double>::infinity();
-                for (Reader& reader : place->readers) best = std::min(best, reader.seconds());
-                return best;
-              },
-          .verify =
-              [place, exact](BenchRow& judged) {
-                for (Reader& reader : place->readers) {
-                  double total = 0;
-                  for (const float sum : reader.sums()) total += static_cast<double>(sum);
-                  const double error = std::abs(total - exact) / exact;
-                  judged.error = error <= judged.error ? judged.error : error;  // also takes a NaN
-                  judged.bound = reader.bound();
-                }
-                if (!(judged.error <= judged.bound)) deny(judged, "the sums are not those of F");
-              }};
+Loaded load_room(const std::string& folder, const Room& room, ProgressSink& progress) {
+  SceneOptions options;
+  options.file = (std::filesystem::path(folder) / room.file).string();
+  options.divide = room.divide;
+  MeshedScene scene = load(options, progress);
+  FormFactors factors = assemble_checked(scene, options, progress);
+  double sum = 0;
+  for (const double row : factors.matrix.row_sums()) sum += row;
+  return {std::move(scene), std::move(factors), sum};
 }
 
-/// The largest |y − F x| / Σ|F||x| (all terms are positive) against the product in double, and the kernel's own bound.
-void verify_product(BenchRow& row, Scheduler& scheduler, const Columns& x, const Columns& y) {
-  std::vector<std::vector<double>> exact;
-  scheduler.exact_product(x, exact);
-  for (std::uint32_t c = 0; c < channels; ++c) {
-    for (std::uint32_t i = 0; i < row.n; ++i) {
-      const double difference = std::abs(static_cast<double>(y[c][i]) - exact[c][i]);
-      const double relative = exact[c][i] > 0 ? difference / exact[c][i] : difference;
-      row.error = relative <= row.error ? row.error : relative;
+/// One product, so that what was placed and compiled is seen to work.
+void verify_place(BenchRow& row, Place& place) {
+  place.scheduler().apply(place.x(), place.y());
+  verify_product(row, place);
+}
+
+/// Places F a few times, keeps the last, and appends the rows "upload" and "compile", each verified by a product; or
+/// the row that says why it cannot be placed.
+void place(Site& site, unsigned repetitions, std::vector<BenchRow>& rows) {
+  BenchRow upload = site.base, compile = site.base;
+  upload.what = "upload";
+  compile.what = "compile";
+  CompileStatistics compiled;
+  std::vector<double> seconds;
+  const bool placed = guarded(upload, [&] {
+    for (unsigned k = 0; k < std::min(repetitions, 3U); ++k) {
+      site.place.reset();  // two copies of F may not fit
+      site.place = std::make_shared<Place>(site.base.device, *site.matrix);
+      seconds.push_back(site.place->upload_seconds());
+      if (k > 0) continue;
+      compiled = site.place->compiled();
+      set_times(compile, {site.place->compile_seconds()});
+    }
+    verify_place(upload, *site.place);
+  });
+  if (!placed) site.place.reset();
+  set_times(upload, placed ? seconds : std::vector<double>{});
+  if (site.place != nullptr) {
+    upload.bytes = site.place->scheduler().uploaded_bytes();
+    upload.bytes_written = upload.bytes;
+    upload.note = upload.bytes == 0 ? "in place, nothing is copied" : "";
+  }
+  if (site.asked || !placed) rows.push_back(upload);
+  if (!site.asked || !placed || compiled.compiled + compiled.from_cache == 0) return;
+  compile.error = upload.error;
+  compile.bound = upload.bound;
+  compile.status = upload.status;
+  compile.reason = upload.reason;
+  compile.note =
+      std::to_string(compiled.compiled) + " compiled, " + std::to_string(compiled.from_cache) + " from the cache";
+  rows.push_back(compile);
+}
+
+/// What a solve left.
+struct Last {
+  SolveReport report;
+  std::vector<Rgb> radiosity;
+  std::uint64_t launches = 0;
+};
+
+/// The largest |a − b| of all patches and channels; of |a| without b.
+double largest_of(const std::vector<Rgb>& a, const std::vector<Rgb>* b) {
+  double largest = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    for (std::size_t c = 0; c < bench_channels; ++c) {
+      largest = std::max(largest, std::abs(a[i][c] - (b != nullptr ? (*b)[i][c] : 0)));
     }
   }
-  row.bound = matvec_bound(row.n);
-  if (!(row.error <= row.bound)) deny(row, "differs from the fp64 reference");
+  return largest;
 }
 
-Timed multiplying(const SharedPlace& place) {
-  place->scheduler.upload(place->x, test_vector(place->scheduler.size()));
-  return {.pass =
-              [place] {
-                const Timer timer;
-                place->scheduler.apply(place->x, place->y);
-                place->scheduler.wait();
-                return timer.seconds();
-              },
-          .verify =
-              [place](BenchRow& judged) {
-                Columns output;
-                place->scheduler.download(place->y, output);
-                verify_product(judged, place->scheduler, test_vector(judged.n), output);
-              }};
+/// The radiosities of dense32, on the first device that has it.
+std::vector<Rgb> dense_radiosity(const std::vector<Site>& sites, const Loaded& room) {
+  const auto dense = std::find_if(sites.begin(), sites.end(), [](const Site& site) { return site.dense(); });
+  if (dense == sites.end()) return {};
+  return solve_placed(dense->place->scheduler(), room.scene.mesh, Method::cg, StopTest{}).radiosity;
 }
 
-Timed solving(const SharedPlace& place, const Loaded& room, Method method) {
-  const auto last = std::make_shared<SolveReport>();
+/// `reference`: of dense32, or empty.
+Timed solving(const Site& site, const Loaded& room, Method method, const std::vector<Rgb>& reference) {
+  const auto last = std::make_shared<Last>();
   return {.pass =
-              [place, last, method, &room] {
-                *last = solve_placed(place->scheduler, room.scene.mesh, method, StopTest{}).report;
-                return last->seconds;
+              [place = site.place, last, method, &room] {
+                const std::uint64_t before = place->launches();
+                Solved solved = solve_placed(place->scheduler(), room.scene.mesh, method, StopTest{});
+                last->report = std::move(solved.report);
+                last->radiosity = std::move(solved.radiosity);
+                last->launches = place->launches() - before;
+                return last->report.seconds;
               },
           .verify =
-              [last, &room](BenchRow& judged) {
-                judged.products = last->products;
-                judged.bytes = std::uint64_t{last->products} * room.factors.matrix.bytes();
-                judged.error = *std::max_element(last->relative_residual.begin(), last->relative_residual.end());
+              [last, &reference, matrix = site.matrix](BenchRow& judged) {
+                const SolveReport& report = last->report;
+                judged.products = report.products;
+                judged.launches = last->launches;
+                judged.bytes = std::uint64_t{report.products} * matrix->bytes();
+                judged.flops = std::uint64_t{2} * report.products * judged.columns * judged.n * judged.n;
+                judged.error = *std::max_element(report.relative_residual.begin(), report.relative_residual.end());
                 judged.bound = StopTest{}.tolerance;
+                if (matrix->storage() != Storage::dense32 && !reference.empty()) {
+                  judged.note = fmt::format("radiosity {:.1e} off dense32's",
+                                            largest_of(last->radiosity, &reference) / largest_of(reference, nullptr));
+                }
                 if (!(judged.error <= judged.bound)) deny(judged, "not converged");
               }};
 }
 
-void add_room_peers(std::vector<Measurement>& all, const std::vector<std::pair<BenchRow, SharedPlace>>& places,
-                    const FormFactorMatrix& matrix, const std::vector<peers::Peer>& peers) {
-  add_peers(all, places.front().first, peers,
+/// The rate at which a device reads the dense matrix of this room, in the same passes: a small one lies in the caches.
+void set_ceilings(std::vector<BenchRow>& rows, const std::vector<BenchRow>& of, const std::vector<BenchRow>& measured) {
+  for (BenchRow& row : rows) {
+    const auto read = std::find_if(of.begin(), of.end(), [&](const BenchRow& one) {
+      return one.device == row.device && one.what == "read" && one.status == "pass";
+    });
+    const double rate = read != of.end() ? read->gb_per_s() : device_rate(measured, row.device, "read");
+    if (row.what.starts_with("solve:")) set_ceiling(row, rate, 0);
+    // Of a product only y is written, which is small: by the rate of reading, or where copying is as fast, by that.
+    if (row.what == "matvec" || row.what == "read" || row.what.starts_with("peer:")) set_ceiling(row, rate, rate);
+  }
+}
+
+void add_room_peers(std::vector<Measurement>& all, const Site& any, const FormFactorMatrix& matrix,
+                    const std::vector<peers::Peer>& peers) {
+  BenchRow base = any.base;
+  base.storage = std::string(name(Storage::dense32));
+  add_peers(all, base, peers,
             std::make_shared<peers::Problem>(matrix, test_vector(matrix.size()), ::omp_get_max_threads()));
 }
 
-/// Read and matvec of each device, in turn, and the peers between them; the ratios are of the same passes.
-std::vector<BenchRow> products(const std::vector<std::pair<BenchRow, SharedPlace>>& places, const Loaded& room,
-                               unsigned repetitions, const SharedPlace& machine,
-                               const std::vector<peers::Peer>& peers) {
-  const FormFactorMatrix& matrix = room.factors.matrix;
+/// Read of the dense matrix and a matvec per storage on each device, in turn, and the peers between them; the ratios
+/// are of the same passes.
+std::vector<BenchRow> products(const std::vector<Site>& sites, const Loaded& room, unsigned repetitions,
+                               const SharedPlace& machine, const std::vector<peers::Peer>& peers) {
   std::vector<Measurement> all;
-  for (const auto& entry : places) {
-    const SharedPlace& place = entry.second;
-    BenchRow row = entry.first;
-    row.what = "read";
-    row.bytes = matrix.bytes();
-    add(all, row, [&] { return reading(place, room.sum); });
+  for (const Site& site : sites) {
+    BenchRow row = site.base;
+    if (site.dense()) {
+      row.what = "read";
+      row.bytes = site.matrix->bytes();
+      add(all, row, [&] { return reading(site.place, room.sum); });
+    }
+    if (!site.asked) continue;
     row.what = "matvec";
-    row.bytes += std::uint64_t{2} * channels * matrix.size() * sizeof(float);
-    row.products = 1;
-    add(all, row, [&] { return multiplying(place); });
+    site.matrix->describe_product(row);
+    add(all, row, [&] { return multiplying(site.place); });
   }
   if (machine != nullptr) {
     BenchRow row;
@@ -157,12 +188,12 @@ std::vector<BenchRow> products(const std::vector<std::pair<BenchRow, SharedPlace
     add(
         all, row, [&] { return reading(machine, room.sum); }, false);
   }
-  if (!peers.empty()) add_room_peers(all, places, matrix, peers);
+  if (!peers.empty()) add_room_peers(all, sites.front(), room.factors.matrix, peers);
   measure(all, repetitions);
 
   const auto cpu = [&](const std::string& id) {
-    return std::any_of(places.begin(), places.end(), [&](const auto& place) {
-      return place.first.device == id && place.second->scheduler.device().info().type == DeviceType::cpu;
+    return std::any_of(sites.begin(), sites.end(), [&](const Site& site) {
+      return site.base.device == id && site.place->info().type == DeviceType::cpu;
     });
   };
   const Measurement* reference = find(all, "openmp", "read");
@@ -184,74 +215,113 @@ std::vector<BenchRow> products(const std::vector<std::pair<BenchRow, SharedPlace
   return rows;
 }
 
-std::vector<BenchRow> solves(const std::vector<std::pair<BenchRow, SharedPlace>>& places, const Loaded& room,
-                             unsigned repetitions) {
+std::vector<BenchRow> solves(const std::vector<Site>& sites, const Loaded& room, unsigned repetitions,
+                             const std::vector<BenchRow>& measured) {
   std::vector<Measurement> all;
-  for (const auto& entry : places) {
-    const SharedPlace& place = entry.second;
+  const bool others = std::any_of(sites.begin(), sites.end(), [](const Site& site) { return !site.dense(); });
+  const std::vector<Rgb> reference = others ? dense_radiosity(sites, room) : std::vector<Rgb>{};
+  for (const Site& site : sites) {
+    if (!site.asked) continue;
     for (const Method method : {Method::cg, Method::bicgstab, Method::jacobi}) {
-      BenchRow row = entry.first;
+      BenchRow row = site.base;
       row.what = "solve:" + std::string(name(method));
-      add(all, row, [&] { return solving(place, room, method); });
+      add(all, row, [&] { return solving(site, room, method, reference); });
     }
   }
   measure(all, repetitions);
   std::vector<BenchRow> rows;
   rows.reserve(all.size());
   for (const Measurement& one : all) rows.push_back(one.row);
+  for (BenchRow& row : rows) {
+    const double launch = launch_seconds(measured, row.device);
+    if (launch > 0 && row.seconds > 0) row.launch_share = static_cast<double>(row.launches) * launch / row.seconds;
+  }
   return rows;
 }
 
-Loaded load_room(const std::string& folder, const Room& room, ProgressSink& progress) {
-  SceneOptions options;
-  options.file = (std::filesystem::path(folder) / room.file).string();
-  options.divide = room.divide;
-  MeshedScene scene = load(options, progress);
-  FormFactors factors = assemble_checked(scene, options, progress);
-  double sum = 0;
-  for (const double row : factors.matrix.row_sums()) sum += row;
-  return {std::move(scene), std::move(factors), sum};
+/// F in each storage of the plan, dense32 first and always: its reading is what the others are compared with.
+std::vector<std::unique_ptr<Stored>> matrices_of(const BenchPlan& plan, const Loaded& room) {
+  std::vector<std::unique_ptr<Stored>> matrices;
+  const auto add = [&](Storage storage) {
+    const PatchMesh& mesh = room.scene.mesh;
+    matrices.push_back(room.random ? std::make_unique<Stored>(room.factors.matrix, mesh.area, storage, plan.block)
+                                   : std::make_unique<Stored>(room.factors.matrix, mesh, storage, plan.block));
+  };
+  add(Storage::dense32);
+  for (const Storage storage : plan.storages) {
+    if (storage != Storage::dense32) add(storage);
+  }
+  return matrices;
+}
+
+std::vector<Site> sites_of(const BenchPlan& plan, const Loaded& room,
+                           const std::vector<std::unique_ptr<Stored>>& matrices) {
+  std::vector<Site> sites;
+  for (const std::string& id : plan.devices) {
+    for (const auto& matrix : matrices) {
+      BenchRow base;
+      base.device = id;
+      base.scene = room.scene.scene.name;
+      base.storage = std::string(name(matrix->storage()));
+      base.n = matrix->size();
+      base.columns = bench_channels;
+      const bool asked =
+          std::find(plan.storages.begin(), plan.storages.end(), matrix->storage()) != plan.storages.end();
+      sites.push_back({base, matrix.get(), nullptr, asked});
+    }
+  }
+  return sites;
+}
+
+std::vector<BenchRow> bench_loaded(const BenchPlan& plan, const Loaded& loaded, const std::vector<BenchRow>& measured) {
+  const std::vector<std::unique_ptr<Stored>> matrices = matrices_of(plan, loaded);
+  std::vector<BenchRow> rows;
+  std::vector<Site> sites = sites_of(plan, loaded, matrices);
+  for (Site& site : sites) place(site, plan.repetitions, rows);
+  std::erase_if(sites, [](const Site& site) { return site.place == nullptr; });
+  const bool any_cpu = std::any_of(sites.begin(), sites.end(),
+                                   [](const Site& site) { return site.place->info().type == DeviceType::cpu; });
+  const bool has_openmp = std::find(plan.devices.begin(), plan.devices.end(), "openmp") != plan.devices.end();
+  // What the machine's memory gives in the same seconds: F is shared, so that it costs none.
+  const SharedPlace machine =
+      (any_cpu || plan.peers) && !has_openmp ? std::make_shared<Place>("openmp", *matrices.front()) : nullptr;
+  const auto append = [&](std::vector<BenchRow> more) { rows.insert(rows.end(), more.begin(), more.end()); };
+  const auto peers = plan.peers && !sites.empty() ? peers::all_peers(plan.devices) : std::vector<peers::Peer>{};
+  append(products(sites, loaded, plan.repetitions, machine, peers));
+  if (!loaded.random) append(solves(sites, loaded, std::max(1U, plan.repetitions / 3), measured));
+  set_ceilings(rows, std::vector<BenchRow>(rows), measured);
+  return rows;
+}
+
+/// Values between 0.5/n and 1.5/n, the same for (i, j) and (j, i), and patches of one size.
+Loaded random_matrix(std::uint32_t n) {
+  Loaded loaded;
+  loaded.random = true;
+  loaded.scene.scene.name = "random";
+  loaded.scene.mesh.area.assign(n, 1.0);
+  loaded.factors.matrix = FormFactorMatrix(n);
+#pragma omp parallel for schedule(dynamic, 16)
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const std::span<float> row = loaded.factors.matrix.row(i);
+    for (std::uint32_t j = 0; j < n; ++j) {
+      std::uint32_t mixed = (std::min(i, j) * 2654435761U ^ std::max(i, j) * 40503U) * 2246822519U;
+      mixed ^= mixed >> 15U;
+      row[j] = (0.5F + static_cast<float>(mixed >> 8U) * 0x1p-24F) / static_cast<float>(n);
+    }
+  }
+  for (const double row : loaded.factors.matrix.row_sums()) loaded.sum += row;
+  return loaded;
 }
 
 }  // namespace
 
-std::vector<BenchRow> bench_room(const std::string& folder, const Room& room, const std::vector<std::string>& devices,
-                                 unsigned repetitions, bool with_peers, ProgressSink& progress) {
-  const Loaded loaded = load_room(folder, room, progress);
-  const FormFactorMatrix& matrix = loaded.factors.matrix;
-  std::vector<BenchRow> rows;
-  std::vector<std::pair<BenchRow, SharedPlace>> places;
-  bool any_cpu = false, has_openmp = false;
-  for (const std::string& id : devices) {
-    BenchRow base;
-    base.device = id;
-    base.scene = loaded.scene.scene.name;
-    base.storage = std::string(name(matrix.storage()));
-    base.n = matrix.size();
-    base.columns = channels;
-    std::vector<Measurement> placing;
-    SharedPlace place;
-    base.what = "matvec";
-    add(placing, base, [&] {
-      place = std::make_shared<Placed>(id, matrix);
-      return Timed{};
-    });
-    if (place == nullptr) {
-      rows.push_back(placing.front().row);
-      continue;
-    }
-    places.emplace_back(base, place);
-    any_cpu = any_cpu || place->scheduler.device().info().type == DeviceType::cpu;
-    has_openmp = has_openmp || id == "openmp";
-  }
-  // What the machine's memory gives in the same seconds: F is shared, so that it costs none.
-  const SharedPlace machine =
-      (any_cpu || with_peers) && !has_openmp ? std::make_shared<Placed>("openmp", matrix) : nullptr;
-  const auto append = [&](const std::vector<BenchRow>& more) { rows.insert(rows.end(), more.begin(), more.end()); };
-  const auto peers = with_peers && !places.empty() ? peers::all_peers(devices) : std::vector<peers::Peer>{};
-  append(products(places, loaded, repetitions, machine, peers));
-  append(solves(places, loaded, std::max(1U, repetitions / 3)));
-  return rows;
+std::vector<BenchRow> bench_room(const BenchPlan& plan, const Room& room, const std::vector<BenchRow>& measured,
+                                 ProgressSink& progress) {
+  return bench_loaded(plan, load_room(plan.folder, room, progress), measured);
+}
+
+std::vector<BenchRow> bench_random(const BenchPlan& plan, std::uint32_t n, const std::vector<BenchRow>& measured) {
+  return bench_loaded(plan, random_matrix(n), measured);
 }
 
 }  // namespace interflect::cli

@@ -11,24 +11,18 @@ namespace interflect::cli {
 
 namespace {
 
-/// Does it; an Error becomes the row's status and reason, and the measurement's end.
-template <class Act>
-void guarded(Measurement& measurement, Act act) {
-  try {
-    act();
-  } catch (const Error& error) {
-    deny(measurement.row, std::string(first_line(error.what())));
-    if (error.kind() == ErrorKind::limit) measurement.row.status = "unsupported";
-    measurement.timed = {};
-  }
+/// The value below which a share of the values lies, between two of them on the line through both. Not of no values.
+double quartile(std::vector<double> values, double share) {
+  std::sort(values.begin(), values.end());
+  const double place = share * static_cast<double>(values.size() - 1);
+  const auto below = static_cast<std::size_t>(place);
+  const std::size_t above = std::min(below + 1, values.size() - 1);
+  return values[below] + (place - static_cast<double>(below)) * (values[above] - values[below]);
 }
 
-void set_times(Measurement& measurement) {
-  const std::vector<double>& seconds = measurement.seconds;
-  if (seconds.empty()) return;
-  measurement.row.seconds = median(seconds);
-  measurement.row.seconds_min = *std::min_element(seconds.begin(), seconds.end());
-  measurement.row.seconds_max = *std::max_element(seconds.begin(), seconds.end());
+/// The measurement's end when its row is not to go on.
+void guarded(Measurement& measurement, const std::function<void()>& act) {
+  if (!guarded(measurement.row, act)) measurement.timed = {};
 }
 
 /// Seconds of one pass. A short one is done several times, after one that is not timed: what the devices before it have
@@ -50,6 +44,26 @@ double seconds_of(const Measurement& measurement) {
 
 }  // namespace
 
+bool guarded(BenchRow& row, const std::function<void()>& act) {
+  try {
+    act();
+    return true;
+  } catch (const Error& error) {
+    deny(row, std::string(first_line(error.what())));
+    if (error.kind() == ErrorKind::limit) row.status = "unsupported";
+    return false;
+  }
+}
+
+void set_times(BenchRow& row, const std::vector<double>& seconds) {
+  if (seconds.empty()) return;
+  row.seconds = median(seconds);
+  row.seconds_min = *std::min_element(seconds.begin(), seconds.end());
+  row.seconds_max = *std::max_element(seconds.begin(), seconds.end());
+  row.seconds_iqr = quartile(seconds, 0.75) - quartile(seconds, 0.25);
+  row.repetitions = static_cast<std::uint32_t>(seconds.size());
+}
+
 void add(std::vector<Measurement>& all, BenchRow row, const std::function<Timed()>& prepare, bool shown) {
   Measurement& added = all.emplace_back(Measurement{.row = std::move(row), .timed = {}, .seconds = {}, .shown = shown});
   guarded(added, [&] { added.timed = prepare(); });
@@ -68,8 +82,9 @@ void measure(std::vector<Measurement>& all, unsigned repetitions) {
     }
   }
   for (Measurement& one : all) {
-    set_times(one);
+    set_times(one.row, one.seconds);
     if (one.timed.verify) guarded(one, [&] { one.timed.verify(one.row); });
+    one.timed = {};  // what it holds may be large
   }
 }
 

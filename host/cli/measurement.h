@@ -32,6 +32,12 @@ void add(std::vector<Measurement>& all, BenchRow row, const std::function<Timed(
 /// or unsupported for a limit; the others go on.
 void measure(std::vector<Measurement>& all, unsigned repetitions);
 
+/// Median, minimum, maximum, quartiles and count of the seconds, if there are any.
+void set_times(BenchRow& row, const std::vector<double>& seconds);
+
+/// Does it; an Error becomes the row's status and reason: fail, or unsupported for a limit. Whether it went through.
+bool guarded(BenchRow& row, const std::function<void()>& act);
+
 /// The measurement of a device, or null.
 [[nodiscard]] const Measurement* find(const std::vector<Measurement>& all, std::string_view device,
                                       std::string_view what);

@@ -8,7 +8,6 @@
 
 #include "interflect/base/error.h"
 #include "interflect/base/timer.h"
-#include "interflect/device/tuning.h"
 #include "interflect/formfactor/packed_matrix.h"
 #include "interflect/formfactor/patch_order.h"
 #include "interflect/schedule/storage_choice.h"
@@ -146,7 +145,7 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
   const Timer packing;
   PackedMatrix::Options options;
   if (storage != Storage::dense16) options.order = patch_order(mesh, matrix);
-  if (storage == Storage::sym16) options.block = preferred_block(&candidates.info(), matrix.size());
+  options.block = sym16_block(candidates.info(), matrix.size());
   const PackedMatrix packed(matrix, mesh.area, storage, std::move(options));
   StorageUse use{storage, packed.bytes(), packed.nonzero_fraction(), {}, packing.seconds()};
   const Light light = light_of(mesh);

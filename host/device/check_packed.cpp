@@ -108,7 +108,7 @@ Finding run_tiles16(Device& device, const Macros& macros, const Shape& s) {
   a.tiles = static_cast<std::uint32_t>(column.size());
   const std::vector<Half> tiles = halves(random, column.size() * tile_elements, s.range);
   const std::vector<float> x = scaled_columns(random, s.n, a.vector_stride, s.columns);
-  const std::vector<float> scale = random.numbers(s.n);
+  const std::vector<float> scale = random.numbers(a.vector_stride);  // a row written past n shows
   std::vector<reference::Sum> exact(std::size_t{s.columns} * a.vector_stride);
   reference::tiles16(a, s.columns, tiles, index, x, scale, exact);
   const auto group = static_cast<std::uint32_t>(macros.at("STRIPS"));
@@ -210,7 +210,7 @@ Finding run_fold(Device& device, std::uint32_t n, std::uint32_t columns, std::ui
   a.option = block;
   a.slot = ceil_div(n, block);
   const std::vector<float> partial = random.numbers(std::size_t{a.slot} * a.slot * columns * block);
-  const std::vector<float> scale = random.numbers(n);
+  const std::vector<float> scale = random.numbers(a.vector_stride);
   std::vector<reference::Sum> exact(std::size_t{columns} * a.vector_stride);
   reference::sym16_fold(a, partial, scale, exact);
   const GuardedBuffer partial_(device, partial), scale_(device, scale);
@@ -226,7 +226,7 @@ Finding run_scale(Device& device, std::uint32_t n, std::uint32_t columns) {
   Random random(n * 2654435761U);
   const VectorArguments a = vector_arguments(device.info(), n, columns);
   std::vector<float> x(std::size_t{columns} * a.vector_stride, sentinel());
-  const std::vector<float> scale = random.numbers(n);
+  const std::vector<float> scale = random.numbers(a.vector_stride);
   std::vector<reference::Sum> exact(x.size());
   const std::vector<bool> written = rows_of(columns, a.vector_stride, 0, n);
   for (std::size_t i = 0; i < x.size(); ++i) {
@@ -300,7 +300,7 @@ class Cases {
 void add_tiles(Cases& cases) {
   constexpr std::uint32_t fill = 3;
   for (const std::uint32_t n : {1U, 7U, 8U, 9U, 15U, 16U, 17U, 31U, 33U, 64U, 65U, 255U, 257U, 1025U, 1312U}) {
-    for (const std::uint32_t columns : {1U, 3U, 4U, 7U, most_columns}) {
+    for (const std::uint32_t columns : {1U, 3U, 4U, 5U, 7U, most_columns}) {
       if (n > 257 && columns != 3 && columns != 7) continue;
       cases.tiles({.n = n, .columns = columns, .first = 0, .rows = n, .fill = 1});
       cases.tiles({.n = n, .columns = columns, .first = 0, .rows = n, .fill = fill});

@@ -24,6 +24,7 @@ struct DeviceInfo {
   std::uint64_t memory_bytes = 0;
   std::uint64_t max_buffer_bytes = 0;  ///< the largest buffer that a kernel can be given
   std::uint32_t compute_units = 0;
+  std::uint32_t max_clock_mhz = 0;  ///< as the API says; 0: not known
   std::string hardware;  ///< the same text for one piece of hardware seen through several drivers; empty: not known
   std::uint32_t max_groups = 0xFFFFFFFF;  ///< work-groups of one launch
   // Launch shapes that suit the device. No result depends on the second, rounding may on the first.

@@ -24,6 +24,9 @@ namespace interflect {
 /// The columns for which kernels are tuned: the channels of a solve. Others run with the defaults.
 inline constexpr std::uint32_t tuned_columns = 3;
 
+/// The BLOCK of sym16 on devices other than processors, before any tuning.
+inline constexpr std::uint32_t default_block_of_gpus = 256;
+
 /// What a search has found for one kernel.
 struct TunedShape {
   std::string kernel;

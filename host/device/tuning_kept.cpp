@@ -170,7 +170,10 @@ std::vector<TunableMacro> tunable_macros(const DeviceInfo& device, std::string_v
     if (!openmp && !source) source = source_of(device, line->file);
     if (!openmp && source->find(range.name) == std::string::npos) continue;  // the device's language has no use for it
     const auto given = standard.find(std::string(range.name));
-    const int value = given == standard.end() ? range.candidates.back() : given->second;
+    // BLOCK: on a processor the largest, which is what a large PackedMatrix takes.
+    const int untuned =
+        device.type == DeviceType::cpu ? range.candidates.back() : static_cast<int>(default_block_of_gpus);
+    const int value = given == standard.end() ? untuned : given->second;
     TunableMacro macro{std::string(range.name), range.candidates, value};
     const auto at = std::lower_bound(macro.values.begin(), macro.values.end(), value);
     if (at == macro.values.end() || *at != value) macro.values.insert(at, value);

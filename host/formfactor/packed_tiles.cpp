@@ -88,14 +88,15 @@ void PackedMatrix::make_strip(const FormFactorMatrix& form_factors, std::uint32_
 }
 
 void PackedMatrix::store_tiles(const FormFactorMatrix& form_factors) {
-  std::vector<Made> made((n_ + rows - 1) / rows);
+  const std::uint32_t strips = (n_ + rows - 1) / rows;
+  std::vector<Made> made(strips);
   std::vector<Arena> arenas(static_cast<std::size_t>(omp_get_max_threads()));
 #pragma omp parallel
   {
     Arena& arena = arenas[static_cast<std::size_t>(omp_get_thread_num())];
     std::vector<Half> buffer(std::size_t{rows} * stride_);
 #pragma omp for schedule(dynamic, 4)
-    for (std::uint32_t s = 0; s < made.size(); ++s) make_strip(form_factors, s, buffer, arena, made[s]);
+    for (std::uint32_t s = 0; s < strips; ++s) make_strip(form_factors, s, buffer, arena, made[s]);
   }
   lay_out(made);
   make_chunks(max_panel_bytes_);

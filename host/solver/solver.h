@@ -35,7 +35,11 @@ struct SolveReport {
   std::string reason;          ///< one line saying why not, when not converged
 };
 
-/// Where a solve begins, and what it leaves when a device fails on the way: the last good iterate.
+/// Where a solve begins, and what it leaves when a device fails on the way: the last good iterate. As a starting guess,
+/// b is the last solution of a problem that has changed a little since; it costs a product and saves one for about
+/// every factor of four by which its residual is below ‖e‖. (An ambient term, Σ A e / Σ A (1 - ρ) in every patch, was
+/// measured and left out: 10, 12 and 10 products for the rooms of 1,312, 3,360 and 9,680 patches, against 10, 11 and 11
+/// without.)
 struct Checkpoint {
   Columns b;                          ///< empty: nothing yet, the solve begins at 0
   std::uint32_t kept_iterations = 0;  ///< those that b is made of

@@ -85,6 +85,12 @@ __device__ Block block_of(const VectorArguments& a, Index item) {
   return block;
 }
 
+/// The same place in a vector of one column.
+__device__ Block in_column(const VectorArguments& a, Block block) {
+  block.begin -= Index{block.column} * a.vector_stride;
+  return block;
+}
+
 /// Whole fours in one access; at the column's end one by one, since a buffer may end there.
 __device__ Four load(const float* x, const Block& block) {
   Four four = {};

@@ -1,8 +1,9 @@
 // What the vector kernels share: items of work, the sums buffer, the fixed tree. Contract: kernels/README.md.
 //
 // The backend compiles a file once per kernel with KERNEL_name and WORKGROUP defined, and SUBGROUPS where subgroups can
-// add. A vector kernel defines TERMS, how many sums it makes of a block, then includes this file, declares its buffers
-// and the function element(), and ends with a main() made of the pieces below.
+// add. A vector kernel defines SUMS, the binding of its sums buffer if it has one, and TERMS, how many sums it makes of a
+// block; then it includes this file, declares its buffers and the function element(), and ends with a main() made of the
+// pieces below.
 
 layout(local_size_x = WORKGROUP) in;
 
@@ -45,7 +46,9 @@ const uint sum_zx = 3u;
 const uint sum_zw = 4u;
 const uint sum_xx = 5u;
 
+#ifdef SUMS
 layout(set = 0, binding = SUMS, std430) restrict buffer Sums { float sums[]; };
+#endif
 
 // The work item at hand: elements [begin, end) of the vectors, the column's offset included.
 uint column;
@@ -69,6 +72,7 @@ bool take_item(uint item) {
 // The elements of the item that belong to this invocation.
 #define FOR_EACH_ELEMENT(i) for (uint i = begin + gl_LocalInvocationIndex; i < end; i += WORKGROUP)
 
+#ifdef SUMS
 uint scalar(uint slot) { return slot * a.columns + column; }
 uint partial(uint set) { return scalar_slots * a.columns + (set * a.columns + column) * a.blocks; }
 
@@ -79,6 +83,7 @@ float total(uint set) {
   for (uint b = 0u; b < a.blocks; ++b) sum += sums[first + b];
   return sum;
 }
+#endif
 
 // One invocation writes what is written once per block, or once per column.
 bool writes_block() { return gl_LocalInvocationIndex == 0u; }

@@ -11,7 +11,10 @@
 #include "backends/devices.h"
 #include "interflect/base/error.h"
 #include "interflect/formfactor/assembly.h"
+#include "interflect/formfactor/patch_order.h"
 #include "interflect/scene/patch_mesh.h"
+#include "interflect/schedule/storage_choice.h"
+#include "interflect/solver/rounding.h"
 #include "interflect/solver/solver.h"
 #include "sanitized.h"
 
@@ -33,10 +36,18 @@ struct Room {
 
 struct Result {
   SolveReport report;
+  double rounding = 0;  ///< rounding_error() of a 16-bit format
   Columns radiosity;
 };
 
-Result solve_on(const std::string& id, const Room& room, Method method) {
+std::unique_ptr<Scheduler> place(const std::string& id, const Room& room, const PackedMatrix* packed) {
+  std::vector<std::unique_ptr<Device>> devices;
+  devices.push_back(open_device(id));
+  if (packed != nullptr) return std::make_unique<Scheduler>(*packed, std::move(devices), channels);
+  return std::make_unique<Scheduler>(room.factors.matrix, std::move(devices), channels);
+}
+
+Result solve_on(const std::string& id, const Room& room, Method method, const PackedMatrix* packed = nullptr) {
   const std::size_t n = room.mesh.size();
   Columns reflectance(channels, std::vector<float>(n)), emittance = reflectance;
   for (std::size_t c = 0; c < channels; ++c) {
@@ -45,11 +56,12 @@ Result solve_on(const std::string& id, const Room& room, Method method) {
       emittance[c][i] = static_cast<float>(room.mesh.emittance[i][c]);
     }
   }
-  std::vector<std::unique_ptr<Device>> devices;
-  devices.push_back(open_device(id));
-  Scheduler scheduler(room.factors.matrix, std::move(devices), channels);
+  const std::unique_ptr<Scheduler> scheduler = place(id, room, packed);
   Result result;
-  result.report = solve(scheduler, method, StopTest{}, room.mesh.area, reflectance, emittance, result.radiosity);
+  result.report = solve(*scheduler, method, StopTest{}, room.mesh.area, reflectance, emittance, result.radiosity);
+  result.rounding = packed == nullptr ? 0
+                                      : rounding_error(*scheduler, room.factors.matrix, room.mesh.area, reflectance,
+                                                       emittance, result.radiosity);
   EXPECT_TRUE(result.report.converged) << id << " " << name(method) << ": " << result.report.reason;
   return result;
 }
@@ -87,6 +99,30 @@ void compare_devices(const Room& room) {
   }
 }
 
+/// Every 16-bit format on every device: the same as on OpenMP, and as near to dense32 as is allowed and as is claimed.
+void compare_formats(const Room& room) {
+  const Result dense = solve_on("openmp", room, Method::cg);
+  const std::vector<std::uint32_t> order = patch_order(room.mesh, room.factors.matrix);
+  for (const Storage storage : {Storage::dense16, Storage::tiled16, Storage::sym16}) {
+    PackedMatrix::Options options;
+    options.order = order;
+    const PackedMatrix packed(room.factors.matrix, room.mesh.area, storage, options);
+    const Result openmp = solve_on("openmp", room, Method::cg, &packed);
+    for (const char* id : test::tested_devices) {
+      if (!test::why_unavailable(id).empty()) continue;  // said by compare_devices()
+      const Result result = solve_on(id, room, Method::cg, &packed);
+      const double error = difference(result.radiosity, dense.radiosity);
+      EXPECT_LE(difference(result.radiosity, openmp.radiosity), bound) << id << " " << name(storage);
+      EXPECT_LE(error, largest_rounding_error) << id << " " << name(storage);
+      EXPECT_NEAR(result.rounding, error, 0.1 * error + 3e-6) << id << " " << name(storage);
+      EXPECT_LE(result.report.products, dense.report.products + 1) << id << " " << name(storage);
+    }
+    std::printf("%s: %.1f MB of %.1f, rounding moves a radiosity by %.1e of the largest\n",
+                std::string(name(storage)).c_str(), static_cast<double>(packed.bytes()) * 1e-6,
+                static_cast<double>(room.factors.matrix.bytes()) * 1e-6, openmp.rounding);
+  }
+}
+
 class Rooms : public testing::TestWithParam<std::uint32_t> {};
 
 TEST_P(Rooms, EveryDeviceAndMethodGivesTheSameLight) {
@@ -94,6 +130,11 @@ TEST_P(Rooms, EveryDeviceAndMethodGivesTheSameLight) {
   const Room room(GetParam());
   ASSERT_EQ(room.mesh.size(), GetParam());
   compare_devices(room);
+}
+
+TEST_P(Rooms, EveryFormatGivesTheLightOfDense32) {
+  if (test::sanitized && GetParam() > 3360) GTEST_SKIP() << "too large a room for a run under the sanitizers";
+  compare_formats(Room(GetParam()));
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Rooms, testing::Values(1312U, 3360U, 9680U, 17128U), testing::PrintToStringParamName());

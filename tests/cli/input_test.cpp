@@ -135,9 +135,12 @@ TEST(Input, HugeEmittanceNamesTheMaterial) {
 
 TEST(Input, BenchFindsAnUnwritableFileBeforeTheWork) {
   const Folder folder;
-  const Outcome outcome = run_program({"bench", "--json", folder.file("none/a.json"), "--scenes", folder.file("")});
-  EXPECT_EQ(outcome.status, 3);
-  EXPECT_THAT(outcome.error_lines(), ElementsAre(HasSubstr("none/a.json")));
+  for (const char* option : {"--json", "--csv", "--plot"}) {
+    const Outcome outcome = run_program({"bench", option, folder.file("none/a.svg"), "--scenes", folder.file("")});
+    EXPECT_EQ(outcome.status, 3);
+    EXPECT_THAT(outcome.error_lines(), ElementsAre(HasSubstr("none/a.svg")));
+    EXPECT_EQ(outcome.out, "");
+  }
 }
 
 TEST(Input, TooManyPatchesIsALimit) {

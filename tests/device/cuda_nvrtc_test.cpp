@@ -48,6 +48,13 @@ std::vector<Macros> variants(std::string_view file) {
   if (file == "matvec") {
     // One column, the three of light, a whole chunk, one more, many.
     for (const int columns : {1, 3, 6, 7, 24}) all.push_back({{"COLUMNS", columns}, {"ROWS", 8}});
+  } else if (file == "tiles16") {
+    for (const int columns : {1, 3, 4, 7, 24}) all.push_back({{"COLUMNS", columns}, {"STRIPS", 1}});
+    for (const int strips : {2, 4, 8}) all.push_back({{"COLUMNS", 3}, {"STRIPS", strips}});
+  } else if (file == "sym16") {
+    all.emplace_back();  // sym16_fold
+    for (const int columns : {1, 2, 3, 4, 24}) all.push_back({{"COLUMNS", columns}, {"BLOCK", 256}});
+    for (const int block : {16, 128, 512, 1024}) all.push_back({{"COLUMNS", 3}, {"BLOCK", block}});
   } else if (file == "read") {
     for (const int streams : {1, 2, 4, 8}) all.push_back({{"STREAMS", streams}});
   } else {
@@ -126,6 +133,7 @@ TEST_F(CudaNvrtc, CompilesEveryKernelWithoutSpilling) {
                     << f.shared_bytes << " bytes shared, " << f.spill_bytes << " spilt\n";
           EXPECT_GT(f.registers, 0);
           EXPECT_LE(f.registers, 128) << "two work-groups of 256 threads must fit a multiprocessor";
+          EXPECT_LE(f.shared_bytes, 48 << 10) << "more cannot be declared";
           EXPECT_EQ(f.spill_bytes, 0);
           EXPECT_EQ(f.stack_bytes, 0);
         }

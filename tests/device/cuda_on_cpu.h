@@ -7,6 +7,8 @@
 #include <string>
 #include <utility>
 
+#include "interflect/base/half.h"
+
 // For tests only: kernels/cuda/*.cu as C++ on the processor. Blocks run in a loop; the threads of a block are fibers
 // that really switch at __syncthreads and at every exchange between the lanes of a warp, in an order of the test's
 // choice. A file that kernel_variants.cmake writes includes this header and then the kernel's text, once for each set
@@ -31,7 +33,8 @@ struct Compiled {
   std::uint32_t block_bytes = 0;  ///< size of the last parameter, the argument block
 };
 void add(Compiled compiled);
-/// The kernel of that variant, or, where the variant does not change it, as it is; null when it was not built.
+/// The kernel of that variant, or, where the variant does not change it, as it is; null when it was not built. Macros
+/// that it was built without (PREFETCH, which means nothing to a GPU) may be among those asked for.
 [[nodiscard]] const Compiled* find(const std::string& variant, const std::string& kernel,
                                    const std::map<std::string, int>& macros);
 
@@ -90,8 +93,15 @@ extern ThreadIndex threadIdx, blockIdx, blockDim, gridDim;
 struct __attribute__((may_alias, aligned(16))) float4 {
   float x, y, z, w;
 };
+struct __attribute__((may_alias, aligned(16))) uint4 {
+  unsigned x, y, z, w;
+};
 inline float4 make_float4(float x, float y, float z, float w) {
   return {x, y, z, w};
+}
+/// What an instruction of a GPU does.
+inline float half_to_float(unsigned bits) {
+  return interflect::from_half(static_cast<interflect::Half>(bits));
 }
 template <class T>
 T __ldg(const T* from) {

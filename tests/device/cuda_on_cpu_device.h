@@ -22,12 +22,12 @@ class CudaOnCpu final : public Device {
   /// time.
   static constexpr std::uint64_t small = 300000, large = std::uint64_t{1} << 30U;
 
-  explicit CudaOnCpu(std::string variant = "", std::uint64_t largest_buffer = large)
+  explicit CudaOnCpu(std::string variant = "", std::uint64_t largest_buffer = large, std::uint32_t rows_per_group = 8)
       : variant_(std::move(variant)), queue_(info_) {
     info_.id = "cuda-on-cpu";
     info_.backend = "cuda-on-cpu";
     info_.max_buffer_bytes = largest_buffer;
-    info_.rows_per_group = 8;
+    info_.rows_per_group = rows_per_group;
   }
 
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }

@@ -62,9 +62,11 @@ TEST_P(CudaKernels, StayWithinTheirBounds) {
   const bool all = GetParam().second == Order::forwards;
   test::CudaOnCpu device("", all ? test::CudaOnCpu::large : test::CudaOnCpu::small);
   const std::vector<KernelCheck> rows = check_device(device);
-  EXPECT_EQ(rows.size(), 721U);
+  EXPECT_EQ(rows.size(), 993U);
   for (const KernelCheck& row : rows) {
-    if (!all && row.kernel == "matvec" && row.size > 1000) {  // most do not fit into the small device
+    // Most of these do not fit into the small device; cuda_packed_test.cpp runs the 16-bit formats in every order.
+    const bool may_be_large = row.kernel == "matvec" || row.kernel == "tiles16" || row.kernel.starts_with("sym16");
+    if (!all && may_be_large && row.size > 500) {
       EXPECT_NE(row.status, CheckStatus::fail) << describe(row);
     } else {
       EXPECT_EQ(row.status, CheckStatus::pass) << describe(row);

@@ -259,6 +259,27 @@ TEST(Solve, OneAndManyColumns) {
   EXPECT_LT(relative_to_maximum(one.b[0], three.b[2]), 2e-6);
 }
 
+/// A starting guess: the solution before a lamp was dimmed a little is worth products.
+TEST_P(EveryMethod, TheLastSolutionIsAGoodStart) {
+  const Room room = make_room(6, 3);
+  Light light = lamp_light(room, 0.8F);
+  const Solved before = solved(room, light, GetParam());
+  for (auto& column : light.emittance) {
+    for (float& e : column) e *= 0.999F;
+  }
+  const Solved cold = solved(room, light, GetParam());
+  Scheduler scheduler(room.form_factors, openmp(), 3);
+  Solved warm;
+  Checkpoint start;
+  start.b = before.b;
+  warm.report =
+      solve(scheduler, GetParam(), StopTest{}, room.area, light.reflectance, light.emittance, warm.b, nullptr, &start);
+  expect_honest(room, light, warm);
+  EXPECT_TRUE(warm.report.converged);
+  EXPECT_LT(warm.report.products + 2, cold.report.products);
+  for (std::size_t c = 0; c < 3; ++c) EXPECT_LT(relative_to_maximum(warm.b[c], cold.b[c]), 1e-5);
+}
+
 TEST_P(EveryMethod, OnePatch) {
   Room room;
   room.area = {2.0};

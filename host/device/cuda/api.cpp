@@ -22,6 +22,17 @@ const char* find_functions(void* library, Driver& driver) {
   return nullptr;
 }
 
+/// Those of graphs, all or none.
+void find_graphs(void* library, Driver& driver) {
+  Driver found = driver;
+#define INTERFLECT_FIND(member, name, parameters)                                    \
+  found.member = reinterpret_cast<decltype(found.member)>(::dlsym(library, (name))); \
+  if (found.member == nullptr) return;
+  INTERFLECT_CUDA_GRAPH_FUNCTIONS(INTERFLECT_FIND)
+#undef INTERFLECT_FIND
+  driver = found;
+}
+
 }  // namespace
 
 const Driver* Driver::open(std::string& reason) {
@@ -41,6 +52,7 @@ const Driver* Driver::open(std::string& reason) {
       reason = fmt::format("libcuda.so.1: has no function {}", name);
       return nullptr;
     }
+    find_graphs(library, found);
     driver = found;
   }
   if (const Result result = driver->init(0); result != 0) {

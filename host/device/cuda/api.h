@@ -22,12 +22,26 @@ struct Stream;
 struct Event;
 struct Module;
 struct Function;
+struct CudaGraph;
+struct GraphNode;
+struct GraphExec;
+/// CUDA_KERNEL_NODE_PARAMS_v2.
+struct KernelNode {
+  Function* function = nullptr;
+  unsigned grid_x = 1, grid_y = 1, grid_z = 1;
+  unsigned block_x = 1, block_y = 1, block_z = 1;
+  unsigned shared_bytes = 0;
+  void** parameters = nullptr;
+  void** extra = nullptr;
+  void* kernel = nullptr;   ///< instead of the function
+  void* context = nullptr;  ///< the current one
+};
 struct Uuid {
   unsigned char bytes[16];
 };
 
 /// CU_DEVICE_ATTRIBUTE_..., and the flags that are used.
-inline constexpr int max_grid_dim_x = 5, multiprocessor_count = 16, compute_mode = 20;
+inline constexpr int max_grid_dim_x = 5, clock_rate = 13, multiprocessor_count = 16, compute_mode = 20;
 inline constexpr int capability_major = 75, capability_minor = 76;
 inline constexpr int compute_mode_prohibited = 2;
 inline constexpr unsigned stream_non_blocking = 1, event_disable_timing = 2;
@@ -68,11 +82,27 @@ inline constexpr unsigned stream_non_blocking = 1, event_disable_timing = 2;
     (Function * function, unsigned grid_x, unsigned grid_y, unsigned grid_z, unsigned block_x, unsigned block_y, \
      unsigned block_z, unsigned shared_bytes, Stream* stream, void** parameters, void** extra))
 
+/// Those of graphs, which are from CUDA 12; where one is missing, all stay null.
+#define INTERFLECT_CUDA_GRAPH_FUNCTIONS(F)                                                                      \
+  F(graph_create, "cuGraphCreate", (CudaGraph * *graph, unsigned flags))                                        \
+  F(graph_destroy, "cuGraphDestroy", (CudaGraph * graph))                                                       \
+  F(graph_add_kernel, "cuGraphAddKernelNode_v2",                                                                \
+    (GraphNode * *node, CudaGraph * graph, GraphNode* const* after, std::size_t count, const KernelNode* what)) \
+  F(graph_instantiate, "cuGraphInstantiateWithFlags",                                                           \
+    (GraphExec * *exec, CudaGraph * graph, unsigned long long flags))                                           \
+  F(graph_launch, "cuGraphLaunch", (GraphExec * exec, Stream * stream))                                         \
+  F(graph_exec_destroy, "cuGraphExecDestroy", (GraphExec * exec))
+
 struct Driver {
 // NOLINTNEXTLINE(bugprone-macro-parentheses): they are parts of a declaration
 #define INTERFLECT_MEMBER(member, name, parameters) Result(*member) parameters = nullptr;
   INTERFLECT_CUDA_FUNCTIONS(INTERFLECT_MEMBER)
+  INTERFLECT_CUDA_GRAPH_FUNCTIONS(INTERFLECT_MEMBER)
 #undef INTERFLECT_MEMBER
+
+  [[nodiscard]] bool has_graphs() const {
+    return graph_launch != nullptr;
+  }
 
   /// libcuda.so.1, initialised; null with the reason why not.
   [[nodiscard]] static const Driver* open(std::string& reason);
@@ -114,6 +144,8 @@ class Session {
     cuda.context_use(context_);
     cuda.memory_free(memory);
   }
+
+  [[nodiscard]] Context* context() const { return context_; }
 
   const Driver& cuda;
   const std::string id;

@@ -4,100 +4,111 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstring>
 #include <string>
 #include <utility>
 
 #include "interflect/base/timer.h"
 #include "interflect/device/cuda/api.h"
+#include "interflect/device/cuda/launches.h"
 #include "interflect/device/kernel_table.h"
 
 namespace interflect::cuda {
 
 namespace {
 
-constexpr int workgroup = 256;  // macro WORKGROUP: threads of a work-group
-constexpr std::size_t most_buffers = 8;
 constexpr std::size_t staging_bytes = std::size_t{4} << 20U;
 
 // Device-side classes, in the order of device.h: Buffer, Kernel, Queue, Device.
 
 class Buffer final : public interflect::Buffer {
  public:
-  Buffer(std::shared_ptr<const Session> session, std::size_t bytes, Stream* stream)
-      : interflect::Buffer(bytes), session_(std::move(session)) {
+  Buffer(std::shared_ptr<Launches> launches, std::size_t bytes)
+      : interflect::Buffer(bytes), launches_(std::move(launches)) {
+    const Session& session = launches_->session();
     const std::string operation = fmt::format("allocate {} bytes", bytes);
-    session_->use(operation);
+    session.use(operation);
     const std::size_t at_least_one = std::max<std::size_t>(bytes, 1);
-    session_->check(session_->cuda.memory_allocate(&memory_, at_least_one), operation, "cuMemAlloc");
-    const Result filled = session_->cuda.memory_fill(memory_, 0, at_least_one, stream);
-    if (filled != 0) session_->free(memory_);  // no destructor runs after a constructor's error
-    session_->check(filled, operation, "cuMemsetD8Async");
+    session.check(session.cuda.memory_allocate(&memory_, at_least_one), operation, "cuMemAlloc");
+    const Result filled = session.cuda.memory_fill(memory_, 0, at_least_one, launches_->stream());
+    if (filled != 0) session.free(memory_);  // no destructor runs after a constructor's error
+    session.check(filled, operation, "cuMemsetD8Async");
   }
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;
-  ~Buffer() override { session_->free(memory_); }
+  ~Buffer() override {
+    launches_->forget_memory(memory_);
+    launches_->session().free(memory_);
+  }
 
   [[nodiscard]] DevicePointer memory() const { return memory_; }
 
  private:
-  std::shared_ptr<const Session> session_;
+  std::shared_ptr<Launches> launches_;
   DevicePointer memory_ = 0;
 };
 
 class Kernel final : public interflect::Kernel {
  public:
-  Kernel(FoundKernel found, std::shared_ptr<const Session> session, Session::Owned<Module> module, Function* function)
+  Kernel(FoundKernel found, std::shared_ptr<Launches> launches, Session::Owned<Module> module, Function* function)
       : interflect::Kernel(std::string(found.line->name)),
         found_(std::move(found)),
-        session_(std::move(session)),
+        launches_(std::move(launches)),
         module_(std::move(module)),
         function_(function) {}
+  Kernel(const Kernel&) = delete;
+  Kernel& operator=(const Kernel&) = delete;
+  ~Kernel() override { launches_->forget_kernel(number_); }
 
   [[nodiscard]] const KernelLine& line() const { return *found_.line; }
   [[nodiscard]] const Macros& macros() const { return found_.macros; }
   [[nodiscard]] Function* function() const { return function_; }
+  [[nodiscard]] std::uint64_t number() const { return number_; }
 
  private:
+  static inline std::atomic<std::uint64_t> numbers = 0;
+
   FoundKernel found_;
-  std::shared_ptr<const Session> session_;
+  std::shared_ptr<Launches> launches_;
   Session::Owned<Module> module_;
   Function* function_;
+  std::uint64_t number_ = ++numbers;
 };
 
 class Queue final : public interflect::Queue {
  public:
-  Queue(const DeviceInfo& info, std::shared_ptr<const Session> session) : info_(info), session_(std::move(session)) {
-    session_->use("open");
-    const Driver& cuda = session_->cuda;
-    Stream* stream = nullptr;
-    session_->check(cuda.stream_create(&stream, stream_non_blocking), "open", "cuStreamCreate");
-    stream_ = session_->owned(stream, cuda.stream_destroy);
+  Queue(const DeviceInfo& info, std::shared_ptr<Launches> launches)
+      : info_(info), launches_(std::move(launches)), session_(launches_->session()) {
+    const Driver& cuda = session_.cuda;
+    session_.use("open");
     for (Staging& staging : staging_) {
       void* memory = nullptr;
-      session_->check(cuda.pinned_allocate(&memory, staging_bytes, 0), "open", "cuMemHostAlloc");
-      staging.memory = session_->owned(memory, cuda.pinned_free);
+      session_.check(cuda.pinned_allocate(&memory, staging_bytes, 0), "open", "cuMemHostAlloc");
+      staging.memory = session_.owned(memory, cuda.pinned_free);
       Event* event = nullptr;
-      session_->check(cuda.event_create(&event, event_disable_timing), "open", "cuEventCreate");
-      staging.event = session_->owned(event, cuda.event_destroy);
+      session_.check(cuda.event_create(&event, event_disable_timing), "open", "cuEventCreate");
+      staging.event = session_.owned(event, cuda.event_destroy);
     }
   }
   Queue(const Queue&) = delete;
   Queue& operator=(const Queue&) = delete;
   ~Queue() override {
-    session_->cuda.stream_wait(stream_.get());  // nothing may still be copying when the staging memory goes
+    session_.cuda.context_use(session_.context());
+    session_.cuda.stream_wait(stream());  // nothing may still be copying when the staging memory goes
   }
 
   void upload(interflect::Buffer& to, std::size_t offset, std::span<const std::byte> from) override {
     const auto& buffer = own<Buffer>(to, info_.id, "upload");
     check_range(info_.id, to, offset, from.size(), "upload");
-    session_->use("upload");
+    session_.use("upload");
+    launches_->end();
     while (!from.empty()) {
       const auto chunk = from.first(std::min(from.size(), staging_bytes));
       Staging& staging = next_staging("upload");
       std::memcpy(staging.memory.get(), chunk.data(), chunk.size());
-      session_->check(session_->cuda.copy_in(buffer.memory() + offset, staging.memory.get(), chunk.size(), stream()),
-                      "upload", "cuMemcpyHtoDAsync");
+      session_.check(session_.cuda.copy_in(buffer.memory() + offset, staging.memory.get(), chunk.size(), stream()),
+                     "upload", "cuMemcpyHtoDAsync");
       mark(staging, "upload");
       offset += chunk.size();
       from = from.subspan(chunk.size());
@@ -107,7 +118,8 @@ class Queue final : public interflect::Queue {
   void download(const interflect::Buffer& from, std::size_t offset, std::span<std::byte> to) override {
     const auto& buffer = own<const Buffer>(from, info_.id, "download");
     check_range(info_.id, from, offset, to.size(), "download");
-    session_->use("download");
+    session_.use("download");
+    launches_->end();
     // While one half of the staging memory is emptied, the device fills the other.
     std::span<std::byte> before;
     Staging* filled = nullptr;
@@ -116,9 +128,8 @@ class Queue final : public interflect::Queue {
       Staging* filling = nullptr;
       if (!chunk.empty()) {
         filling = &next_staging("download");
-        session_->check(
-            session_->cuda.copy_out(filling->memory.get(), buffer.memory() + offset, chunk.size(), stream()),
-            "download", "cuMemcpyDtoHAsync");
+        session_.check(session_.cuda.copy_out(filling->memory.get(), buffer.memory() + offset, chunk.size(), stream()),
+                       "download", "cuMemcpyDtoHAsync");
         mark(*filling, "download");
       }
       if (filled != nullptr) {
@@ -136,27 +147,31 @@ class Queue final : public interflect::Queue {
               std::span<const std::byte> arguments, std::string_view label) override {
     const auto& mine = own<const Kernel>(kernel, info_.id, "launch");
     check_launch(info_, mine.line(), mine.macros(), groups, buffers, arguments, label);
-    std::array<DevicePointer, most_buffers> pointers{};
-    std::array<void*, most_buffers + 1> parameters{};
+    Launch what{.kernel = mine.number(),
+                .function = mine.function(),
+                .groups = groups,
+                .buffers = static_cast<std::uint32_t>(buffers.size()),
+                .name = &kernel.name(),
+                .label = std::string(label)};
+    static_assert(std::tuple_size_v<decltype(what.memory)> == most_buffers);
     for (std::size_t i = 0; i < buffers.size(); ++i) {
-      pointers[i] = own<const Buffer>(*buffers[i], info_.id, "launch").memory();
-      parameters[i] = &pointers[i];
+      what.memory[i] = own<const Buffer>(*buffers[i], info_.id, "launch").memory();
     }
-    parameters[buffers.size()] = const_cast<std::byte*>(arguments.data());  // the driver copies it during the call
-    session_->use("launch");
-    const Result result =
-        session_->cuda.launch(mine.function(), groups, 1, 1, workgroup, 1, 1, 0, stream(), parameters.data(), nullptr);
-    if (result != 0) session_->check(result, fmt::format("launch {} ({})", kernel.name(), label), "cuLaunchKernel");
+    if (arguments.size() > what.arguments.size()) refuse(info_.id, what.text(), "the argument block is too large");
+    std::memcpy(what.arguments.data(), arguments.data(), arguments.size());
+    session_.use("launch");
+    launches_->launch(what);
   }
 
   void wait() override {
-    session_->use("wait");
-    session_->check(session_->cuda.stream_wait(stream()), "wait", "cuStreamSynchronize");
+    session_.use("wait");
+    launches_->end();
+    session_.check(session_.cuda.stream_wait(stream()), "wait", "cuStreamSynchronize");
   }
 
-  [[nodiscard]] Stream* stream() const { return stream_.get(); }
-
  private:
+  [[nodiscard]] Stream* stream() const { return launches_->stream(); }
+
   /// Pinned memory that the device copies from and to by itself, and the event after which it is free again.
   struct Staging {
     Session::Owned<void> memory;
@@ -171,18 +186,18 @@ class Queue final : public interflect::Queue {
     return staging;
   }
   void mark(Staging& staging, std::string_view operation) {
-    session_->check(session_->cuda.event_record(staging.event.get(), stream()), operation, "cuEventRecord");
+    session_.check(session_.cuda.event_record(staging.event.get(), stream()), operation, "cuEventRecord");
     staging.in_use = true;
   }
   void settle(Staging& staging, std::string_view operation) {
     if (!staging.in_use) return;
-    session_->check(session_->cuda.event_wait(staging.event.get()), operation, "cuEventSynchronize");
+    session_.check(session_.cuda.event_wait(staging.event.get()), operation, "cuEventSynchronize");
     staging.in_use = false;
   }
 
   const DeviceInfo& info_;
-  std::shared_ptr<const Session> session_;
-  Session::Owned<Stream> stream_;
+  std::shared_ptr<Launches> launches_;
+  const Session& session_;
   std::array<Staging, 2> staging_;
   std::size_t turn_ = 0;
 };
@@ -194,12 +209,13 @@ class Device final : public interflect::Device {
         session_(std::move(session)),
         nvrtc_(nvrtc),
         target_(std::move(target)),
-        queue_(info_, session_) {}
+        launches_(std::make_shared<Launches>(session_)),
+        queue_(info_, launches_) {}
 
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }
 
   [[nodiscard]] std::unique_ptr<interflect::Buffer> allocate(std::size_t bytes) override {
-    return std::make_unique<Buffer>(session_, bytes, queue_.stream());
+    return std::make_unique<Buffer>(launches_, bytes);
   }
 
   [[nodiscard]] std::unique_ptr<interflect::Buffer> share(std::shared_ptr<const PageBuffer> /*memory*/) override {
@@ -210,7 +226,7 @@ class Device final : public interflect::Device {
     FoundKernel found = find_kernel(info_.id, name, macros);
     const std::string operation = fmt::format("kernel {}", name);
     Macros all = found.macros;
-    all.emplace("WORKGROUP", workgroup);
+    all.emplace("WORKGROUP", static_cast<int>(workgroup));
     const CompileKey key = compile_key(nvrtc_, target_, found.line->file, all);
     const auto build = [&] {
       return cached_compile(key, [&] { return compile(nvrtc_, key, info_.id, found.line->file); });
@@ -226,7 +242,7 @@ class Device final : public interflect::Device {
     Function* function = nullptr;
     session_->check(session_->cuda.module_function(&function, module.get(), std::string(name).c_str()), operation,
                     "cuModuleGetFunction");
-    return std::make_unique<Kernel>(std::move(found), session_, std::move(module), function);
+    return std::make_unique<Kernel>(std::move(found), launches_, std::move(module), function);
   }
 
   [[nodiscard]] interflect::Queue& queue() override { return queue_; }
@@ -245,6 +261,7 @@ class Device final : public interflect::Device {
   std::shared_ptr<const Session> session_;
   const Nvrtc& nvrtc_;
   std::string target_;
+  std::shared_ptr<Launches> launches_;
   Queue queue_;
 };
 
@@ -297,6 +314,10 @@ Found describe(const Driver& driver, std::uint32_t index) {
   info.driver = "CUDA " + version_text(version);
   info.memory_bytes = info.max_buffer_bytes = memory;
   info.compute_units = static_cast<std::uint32_t>(attribute(multiprocessor_count));
+  int kilohertz = 0;  // newer drivers may not tell
+  if (driver.device_attribute(&kilohertz, clock_rate, found.device) == 0 && kilohertz > 0) {
+    info.max_clock_mhz = static_cast<std::uint32_t>(kilohertz) / 1000;
+  }
   for (const unsigned char byte : uuid.bytes) info.hardware += fmt::format("{:02x}", byte);
   info.max_groups = static_cast<std::uint32_t>(attribute(max_grid_dim_x));
   info.rows_per_group = 8;

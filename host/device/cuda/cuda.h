@@ -9,7 +9,8 @@
 
 // The CUDA backend: NVIDIA's GPUs through the driver API (libcuda.so.1) and NVRTC 12 or newer, both opened at run time;
 // INTERFLECT_NVRTC names the latter's library. Kernels are those of kernels/cuda/, compiled for the device's own
-// architecture; launches go into one stream, transfers through pinned memory.
+// architecture; launches go into one stream, those that repeat as a CUDA graph (launches.h), transfers through pinned
+// memory.
 
 namespace interflect::cuda {
 

@@ -355,6 +355,7 @@ DeviceEntry describe(const Found& found, std::size_t index) {
   info.memory_bytes = number_of<cl_ulong>(device, CL_DEVICE_GLOBAL_MEM_SIZE);
   info.max_buffer_bytes = number_of<cl_ulong>(device, CL_DEVICE_MAX_MEM_ALLOC_SIZE);
   info.compute_units = number_of<cl_uint>(device, CL_DEVICE_MAX_COMPUTE_UNITS);
+  info.max_clock_mhz = number_of<cl_uint>(device, CL_DEVICE_MAX_CLOCK_FREQUENCY);
   if (info.type == DeviceType::gpu) info.hardware = uuid_of(device);
   const Shape shape = shape_of(device);
   info.max_groups = static_cast<std::uint32_t>(0xFFFFFFFFU / shape.workgroup);  // work-items counted in 32 bits

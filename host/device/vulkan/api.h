@@ -75,6 +75,7 @@ struct Shape {
   std::uint32_t chunk = 0;      ///< columns of matvec, at most, for a work-group
   std::uint32_t subgroup = 0;   ///< the size that is asked for; 0: none is
   std::uint32_t subgroups = 0;  ///< of a work-group, at most; 0: subgroups cannot add
+  bool shuffles = false;        ///< a work-group is one subgroup, whose invocations can exchange values
 };
 
 /// A device as it is before it is opened.
@@ -90,6 +91,9 @@ struct Adapter {
   Shape shape;                       ///< of a device that can be used
 };
 [[nodiscard]] std::vector<Adapter> adapters(const Instance& instance);
+
+/// Columns of sym16, at most, for a work-group: no more fit into 16 KiB of shared memory, which every device has.
+inline constexpr std::uint32_t sym16_chunk = 3;
 
 /// From the device's properties and the environment. Throws a plain std::string, the cause, for a wrong environment.
 [[nodiscard]] Shape choose_shape(const Adapter& adapter);

@@ -8,14 +8,30 @@ namespace interflect::vulkan {
 
 namespace {
 
-/// Whether a buffer of the kernel is declared with INPUT_FOURS (kernels/glsl/fours.comp).
-bool reads_fours(std::string_view kernel, std::size_t buffer) {
-  return kernel == "matvec" ? buffer < 2 : (kernel == "read" || kernel == "copy") && buffer == 0;
+/// The texels of a buffer that the kernel declares with INPUT_FOURS or INPUT_WORDS (kernels/glsl/fours.comp);
+/// undefined: it is a storage buffer.
+vk::Format texels_of(std::string_view kernel, std::size_t buffer) {
+  constexpr vk::Format fours = vk::Format::eR32G32B32A32Sfloat, words = vk::Format::eR32G32B32A32Uint;
+  if (kernel == "tiles16" || kernel == "sym16") {
+    return buffer < 2 ? words : buffer == 2 || kernel == "sym16" ? fours : vk::Format::eUndefined;
+  }
+  const bool reads =
+      kernel == "matvec" ? buffer < 2 : (kernel == "read" || kernel == "copy" || kernel == "sym16_fold") && buffer == 0;
+  return reads ? fours : vk::Format::eUndefined;
 }
 
-std::uint32_t chunk_columns(std::uint32_t columns, std::uint32_t largest) {
-  const std::uint32_t chunks = (columns + largest - 1) / largest;
-  return (columns + chunks - 1) / chunks;
+/// Columns of x for one work-group, and how many work-groups lie side by side.
+struct Chunks {
+  std::uint32_t columns = 1, count = 1;
+};
+Chunks chunks_of(const FoundKernel& found, const Shape& shape) {
+  const auto macro = found.macros.find("COLUMNS");
+  if (macro == found.macros.end()) return {};
+  const auto columns = static_cast<std::uint32_t>(macro->second);
+  const std::uint32_t largest = found.line->name == "sym16" ? sym16_chunk : shape.chunk;
+  const std::uint32_t count = (columns + largest - 1) / largest;
+  const std::uint32_t size = (columns + count - 1) / count;
+  return {size, (columns + size - 1) / size};
 }
 
 }  // namespace
@@ -27,16 +43,16 @@ std::string preamble(const FoundKernel& found, const Shape& shape) {
         "#extension GL_KHR_shader_subgroup_basic : require\n"
         "#extension GL_KHR_shader_subgroup_arithmetic : require\n";
   }
+  if (shape.shuffles) out += "#extension GL_KHR_shader_subgroup_shuffle : require\n";
   const auto define = [&out](std::string_view name, std::uint32_t value) {
     out += fmt::format("#define {} {}\n", name, value);
   };
   out += fmt::format("#define KERNEL_{}\n#define WORKGROUP {}\n", found.line->name, shape.workgroup);
   if (shape.subgroups != 0) out += fmt::format("#define SUBGROUPS {}\n", shape.subgroups);
   if (shape.texel) out += "#define TEXEL\n";
+  if (shape.shuffles) out += "#define SHUFFLES\n";
   for (const auto& [macro, value] : found.macros) define(macro, static_cast<std::uint32_t>(value));
-  if (const auto columns = found.macros.find("COLUMNS"); columns != found.macros.end()) {
-    define("CHUNK", chunk_columns(static_cast<std::uint32_t>(columns->second), shape.chunk));
-  }
+  if (found.macros.contains("COLUMNS")) define("CHUNK", chunks_of(found, shape).columns);
   return out;
 }
 
@@ -45,15 +61,12 @@ Program::Program(const FoundKernel& found, const Context& context, std::span<con
   using Stage = vk::ShaderStageFlagBits;
   std::vector<vk::DescriptorSetLayoutBinding> bindings;
   for (std::uint32_t i = 0; i < line.access.size(); ++i) {
-    const bool texel = context.adapter.shape.texel && reads_fours(line.name, i);
-    types.push_back(texel ? vk::DescriptorType::eStorageTexelBuffer : vk::DescriptorType::eStorageBuffer);
+    texels.push_back(context.adapter.shape.texel ? texels_of(line.name, i) : vk::Format::eUndefined);
+    types.push_back(texels.back() != vk::Format::eUndefined ? vk::DescriptorType::eStorageTexelBuffer
+                                                            : vk::DescriptorType::eStorageBuffer);
     bindings.emplace_back(i, types.back(), 1, Stage::eCompute);
   }
-  if (const auto columns = found.macros.find("COLUMNS"); columns != found.macros.end()) {
-    const auto count = static_cast<std::uint32_t>(columns->second);
-    const std::uint32_t chunk = chunk_columns(count, context.adapter.shape.chunk);
-    chunks = (count + chunk - 1) / chunk;
-  }
+  chunks = chunks_of(found, context.adapter.shape).count;
   set_layout = {context.device, vk::DescriptorSetLayoutCreateInfo({}, bindings)};
   const vk::PushConstantRange range(Stage::eCompute, 0, static_cast<std::uint32_t>(line.argument_bytes));
   layout = {context.device, vk::PipelineLayoutCreateInfo({}, *set_layout, range)};

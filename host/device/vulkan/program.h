@@ -19,6 +19,7 @@ struct Program {
   Program(const FoundKernel& found, const Context& context, std::span<const std::byte> binary);
 
   std::vector<vk::DescriptorType> types;  ///< of the buffers
+  std::vector<vk::Format> texels;         ///< of those that are read by texels, else undefined
   std::uint32_t chunks = 1;               ///< of matvec's columns: work-groups side by side
   vk::raii::DescriptorSetLayout set_layout = nullptr;
   vk::raii::PipelineLayout layout = nullptr;

@@ -47,13 +47,15 @@ Shape choose_shape(const Adapter& adapter) {
   shape.staged =
       forced == "gpu" || (type != vk::PhysicalDeviceType::eCpu && type != vk::PhysicalDeviceType::eIntegratedGpu);
   shape.subgroup = wanted.value_or(0);
-  shape.workgroup = shape.texel ? size : largest_workgroup(limits);
+  shape.workgroup = shape.texel ? std::max(4U, size) : largest_workgroup(limits);  // four invocations share a tile
   shape.rows = shape.texel ? 12 : 8;
   shape.chunk = shape.texel ? 3 : 4;
   if (adds) {
     const std::uint32_t smallest =
         shape.subgroup != 0 || adapter.smallest_subgroup == 0 ? size : adapter.smallest_subgroup;
     shape.subgroups = std::max(1U, shape.workgroup / smallest);
+    shape.shuffles = shape.texel && shape.subgroups == 1 &&
+                     (adapter.subgroup.supportedOperations & vk::SubgroupFeatureFlagBits::eShuffle);
   }
   return shape;
 }
@@ -68,10 +70,12 @@ std::uint32_t most_buffers() {
 }
 
 /// The most bytes that a kernel keeps in shared memory: group_sum.comp, and beside it at most 2048 floats of
-/// matvec.comp where a work-group has several subgroups.
+/// matvec.comp where a work-group has several subgroups; or sym16.comp: 128 strips of 4 words, and where invocations
+/// do not exchange values, their sums of 4 or 8 rows and 8 parts of each row's.
 std::uint32_t shared_bytes(const Shape& shape) {
-  if (shape.subgroups == 1) return 0;
-  return (shape.subgroups == 0 ? shape.workgroup : 2048 + shape.subgroups) * 4;
+  const std::uint32_t sums = shape.subgroups == 1 ? 0 : shape.subgroups == 0 ? shape.workgroup : 2048 + shape.subgroups;
+  const std::uint32_t rows = shape.shuffles ? 0 : sym16_chunk * ((shape.texel ? 8 : 4) * shape.workgroup + 64);
+  return std::max(sums, 512 + rows) * 4;
 }
 
 }  // namespace

@@ -42,14 +42,15 @@ class Buffer final : public interflect::Buffer {
   ~Buffer() override;
 
   [[nodiscard]] const Memory& memory() const { return memory_; }
-  [[nodiscard]] vk::BufferView texels() const { return *texels_; }
+  /// As texels of a format of 16 bytes; null for the undefined one.
+  [[nodiscard]] vk::BufferView texels(vk::Format format) const;
   [[nodiscard]] std::uint64_t number() const { return number_; }
 
  private:
   std::shared_ptr<Queue> queue_;  ///< goes last: the API's device lives as long
   std::uint64_t number_ = new_number();
   Memory memory_;
-  vk::raii::BufferView texels_ = nullptr;  ///< where the shape reads by texels
+  vk::raii::BufferView floats_ = nullptr, words_ = nullptr;  ///< where the shape reads by texels
 };
 
 class Kernel final : public interflect::Kernel {
@@ -123,9 +124,17 @@ Buffer::Buffer(std::size_t bytes, const Context& context, std::shared_ptr<Queue>
   memory_ =
       allocate_memory(context, rounded(bytes), usage, context.adapter.shape.staged ? Place::device : Place::shared);
   if (context.adapter.shape.texel) {
-    texels_ =
-        vk::raii::BufferView(context.device, {{}, *memory_.buffer, vk::Format::eR32G32B32A32Sfloat, 0, VK_WHOLE_SIZE});
+    const auto view = [&](vk::Format format) {
+      return vk::raii::BufferView(context.device, {{}, *memory_.buffer, format, 0, VK_WHOLE_SIZE});
+    };
+    floats_ = view(vk::Format::eR32G32B32A32Sfloat);
+    words_ = view(vk::Format::eR32G32B32A32Uint);
   }
+}
+
+vk::BufferView Buffer::texels(vk::Format format) const {
+  if (format == vk::Format::eUndefined) return nullptr;
+  return format == vk::Format::eR32G32B32A32Uint ? *words_ : *floats_;
 }
 
 Buffer::~Buffer() {
@@ -236,10 +245,10 @@ Queue::Set Queue::make_set(const Kernel& kernel, std::span<interflect::Buffer* c
   made.set = std::move(vk::raii::DescriptorSets(context_->device, {*made.pool, layout}).front());
   std::vector<vk::DescriptorBufferInfo> whole;
   std::vector<vk::BufferView> texels;
-  for (interflect::Buffer* buffer : buffers) {
-    const auto& mine = own<const Buffer>(*buffer, info_.id, "launch");
+  for (std::size_t i = 0; i < buffers.size(); ++i) {
+    const auto& mine = own<const Buffer>(*buffers[i], info_.id, "launch");
     whole.emplace_back(*mine.memory().buffer, 0, VK_WHOLE_SIZE);
-    texels.push_back(mine.texels());
+    texels.push_back(mine.texels(kernel.program().texels[i]));
   }
   std::vector<vk::WriteDescriptorSet> writes;
   for (std::uint32_t i = 0; i < buffers.size(); ++i) {

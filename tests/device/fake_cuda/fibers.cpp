@@ -241,7 +241,8 @@ void add(Compiled compiled) {
 const Compiled* find(const std::string& variant, const std::string& kernel, const std::map<std::string, int>& macros) {
   const Compiled* found = nullptr;
   for (const Compiled& one : all_compiled()) {
-    if (one.kernel != kernel || one.macros != macros) continue;
+    const bool fits = std::includes(macros.begin(), macros.end(), one.macros.begin(), one.macros.end());
+    if (one.kernel != kernel || !fits) continue;
     if (one.variant == variant) return &one;
     if (one.variant.empty()) found = &one;
   }
