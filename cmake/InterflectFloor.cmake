@@ -25,7 +25,6 @@ function(interflect_floor name)
     file(GLOB kernels CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/kernels/omp/*.cpp)
     list(APPEND sources ${kernels})
     file(GLOB device_kernels CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/kernels/*/*)
-    list(FILTER device_kernels EXCLUDE REGEX "/kernels/omp/")
     set(embedded ${PROJECT_BINARY_DIR}/embedded_kernels.cpp)
     add_custom_command(OUTPUT ${embedded}
       COMMAND ${CMAKE_COMMAND} -DKERNELS=${PROJECT_SOURCE_DIR}/kernels -DOUT=${embedded}

@@ -1,7 +1,16 @@
 # cmake -DKERNELS=folder -DOUT=file -P embed_kernels.cmake: the kernels of the GPU languages as C++ string literals.
 file(GLOB files RELATIVE ${KERNELS} ${KERNELS}/*/*)
-list(FILTER files EXCLUDE REGEX "^omp/")  # compiled with the library
 list(SORT files)
+# Those of OpenMP are compiled with the library; their hash stands for them.
+set(omp ${files})
+list(FILTER omp INCLUDE REGEX "^omp/")
+list(FILTER files EXCLUDE REGEX "^omp/")
+set(omp_hashes "")
+foreach(path IN LISTS omp)
+  file(SHA256 ${KERNELS}/${path} hash)
+  string(APPEND omp_hashes "${path} ${hash}\n")
+endforeach()
+string(SHA256 omp_hash "${omp_hashes}")
 set(lines "")
 foreach(path IN LISTS files)
   file(READ ${KERNELS}/${path} text)
@@ -23,6 +32,10 @@ std::span<const EmbeddedKernel> embedded_kernels() {
   static const std::vector<EmbeddedKernel> kernels = {
 ${lines}  };
   return kernels;
+}
+
+std::string_view openmp_kernels_hash() {
+  return \"${omp_hash}\";
 }
 
 }  // namespace interflect

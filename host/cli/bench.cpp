@@ -19,6 +19,7 @@
 #include "power_law.h"
 #include "report.h"
 #include "study.h"
+#include "tune.h"
 #include "validators.h"
 
 namespace interflect::cli {
@@ -62,8 +63,8 @@ BenchRun measured(const Options& options, const std::vector<std::string>& ids, C
   std::vector<DeviceInfo> infos;
   infos.reserve(ids.size());
   for (const std::string& id : ids) infos.push_back(info_of(id, ids.size() == 1));
-  const BenchPlan plan{scenes_folder(options.scenes), ids,           parse_storages(options.storage),
-                       options.repetitions,           options.peers, sym16_block(infos.front())};
+  BenchPlan plan{scenes_folder(options.scenes), ids,           parse_storages(options.storage),
+                 options.repetitions,           options.peers, 0};
   BenchRun run;
   run.header = bench_header(infos, options.repetitions);
   fmt::print("{}{}", header_text(run.header), text_header());
@@ -74,10 +75,20 @@ BenchRun measured(const Options& options, const std::vector<std::string>& ids, C
   };
   const std::vector<BenchRow> devices = bench_devices(ids, options.repetitions);
   add(devices);
+  const auto prepare = [&](std::uint32_t n) {
+    tune_on_first_use(ids, plan.storages, n, console);
+    plan.block = sym16_block(infos.front(), n);
+  };
   for (const Room& room : study_rooms()) {
-    if (wanted(options, room)) add(bench_room(plan, room, devices, console));
+    if (!wanted(options, room)) continue;
+    prepare(room.patches);
+    add(bench_room(plan, room, devices, console));
   }
-  if (options.random > 0) add(bench_random(plan, options.random, devices));
+  if (options.random > 0) {
+    prepare(options.random);
+    add(bench_random(plan, options.random, devices));
+  }
+  plan.block = sym16_block(infos.front(), 0);  // of any size
   if (options.growth) bench_growth(plan, options.growth_max, devices, console, add);
   set_spread(run.header, run.rows);
   return run;

@@ -14,5 +14,6 @@ void add_formfactors(CLI::App& program, Action& action);
 void add_devices(CLI::App& program, Action& action);
 void add_check(CLI::App& program, Action& action);
 void add_bench(CLI::App& program, Action& action);
+void add_tune(CLI::App& program, Action& action);
 
 }  // namespace interflect::cli

@@ -41,6 +41,7 @@ int run(int argc, char** argv) {
   interflect::cli::add_devices(program, action);
   interflect::cli::add_check(program, action);
   interflect::cli::add_bench(program, action);
+  interflect::cli::add_tune(program, action);
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -12,6 +12,7 @@
 #include "interflect/formfactor/patch_order.h"
 #include "interflect/schedule/storage_choice.h"
 #include "interflect/solver/rounding.h"
+#include "tune.h"
 #include "validators.h"
 
 namespace interflect::cli {
@@ -144,7 +145,7 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
   const Timer packing;
   PackedMatrix::Options options;
   if (storage != Storage::dense16) options.order = patch_order(mesh, matrix);
-  options.block = sym16_block(candidates.info());
+  options.block = sym16_block(candidates.info(), matrix.size());
   const PackedMatrix packed(matrix, mesh.area, storage, std::move(options));
   StorageUse use{storage, packed.bytes(), packed.nonzero_fraction(), {}, packing.seconds()};
   const Light light = light_of(mesh);
@@ -168,6 +169,7 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
 Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
                    std::optional<Storage> storage, Method method, const StopTest& stop, ProgressSink& progress) {
   const Storage format = storage ? *storage : choose_storage(matrix.size(), candidates.info());
+  tune_on_first_use(candidates.device(), format, matrix.size(), progress);
   if (format == Storage::dense32) return solve_dense(matrix, mesh, candidates, method, stop, progress);
   Solved solved = solve_packed(matrix, mesh, candidates, format, method, stop, progress);
   const std::optional<double> error = solved.storage.rounding_error;

@@ -7,6 +7,7 @@
 
 #include "interflect/base/error.h"
 #include "interflect/device/check_tools.h"
+#include "interflect/device/kernel_table.h"
 
 namespace interflect {
 
@@ -98,6 +99,14 @@ std::vector<float> GuardedBuffer::values(Device& device) const {
 double rounding_bound(std::uint64_t c) {
   const double cu = static_cast<double>(c) * 0x1p-24;
   return cu / (1 - cu);
+}
+
+Macros case_macros(const DeviceInfo& device, std::string_view kernel, const Selection& selection,
+                   std::uint32_t columns) {
+  Macros macros = default_macros(device, kernel);
+  for (const auto& [name, value] : selection.macros) macros.insert_or_assign(name, value);
+  macros.insert_or_assign("COLUMNS", static_cast<int>(columns));
+  return macros;
 }
 
 void compare(Finding& finding, float result, double reference, double magnitude) {

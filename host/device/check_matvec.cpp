@@ -75,10 +75,10 @@ void compare_rows(Finding& finding, const Problem& problem, std::uint32_t column
 }
 
 /// The panels one by one, the last first; each is held against the reference at once.
-Finding run(Device& device, const Problem& problem, std::uint32_t columns, std::uint32_t panel_rows) {
-  const std::uint32_t group = device.info().rows_per_group;
-  const auto kernel =
-      device.kernel("matvec", {{"COLUMNS", static_cast<int>(columns)}, {"ROWS", static_cast<int>(group)}});
+Finding run(Device& device, const Problem& problem, const Macros& macros, std::uint32_t columns,
+            std::uint32_t panel_rows) {
+  const auto group = static_cast<std::uint32_t>(macros.at("ROWS"));
+  const auto kernel = device.kernel("matvec", macros);
   const std::size_t length = std::size_t{columns} * problem.vector_stride();
   const GuardedBuffer x(device, std::span(problem.x).first(length));
   const GuardedBuffer y(device, std::vector<float>(length, sentinel()));
@@ -97,14 +97,15 @@ Finding run(Device& device, const Problem& problem, std::uint32_t columns, std::
   return finding;
 }
 
-void add(Device& device, std::vector<KernelCheck>& rows, const Problem& problem, std::uint32_t columns,
-         std::uint32_t panel_rows) {
+void add(Device& device, std::vector<KernelCheck>& rows, const Selection& selection, const Problem& problem,
+         std::uint32_t columns, std::uint32_t panel_rows) {
   KernelCheck row;
   row.kernel = "matvec";
   row.parameters = fmt::format("COLUMNS={} panel_rows={} seed={}", columns, panel_rows, problem.seed);
   row.size = problem.n;
   row.bound = matvec_bound(problem.n);
-  add_case(rows, std::move(row), [&] { return run(device, problem, columns, panel_rows); });
+  const Macros macros = case_macros(device.info(), "matvec", selection, columns);
+  add_case(rows, std::move(row), [&] { return run(device, problem, macros, columns, panel_rows); });
 }
 
 }  // namespace
@@ -116,29 +117,29 @@ void check_matvec(Device& device, std::vector<KernelCheck>& rows, const Selectio
     const Problem problem(n, most_columns, n);
     for (const std::uint32_t columns : {1U, 2U, 3U, 4U, 5U, 6U, 7U, most_columns}) {
       if (!wanted(columns)) continue;
-      add(device, rows, problem, columns, n);
-      if (n > 1) add(device, rows, problem, columns, (n + 2) / 3);
+      add(device, rows, selection, problem, columns, n);
+      if (n > 1) add(device, rows, selection, problem, columns, (n + 2) / 3);
     }
     if (!wanted(3)) continue;
-    if (n > 1 && n <= 33) add(device, rows, problem, 3, 1);
-    if (n > 5) add(device, rows, problem, 3, 5);
+    if (n > 1 && n <= 33) add(device, rows, selection, problem, 3, 1);
+    if (n > 5) add(device, rows, selection, problem, 3, 5);
   }
   for (const std::uint32_t n : {1023U, 1025U, 1312U, 1313U}) {
     if (n > selection.max_size) continue;
     const Problem problem(n, 7, n);
     for (const std::uint32_t columns : {3U, 7U}) {
-      if (wanted(columns)) add(device, rows, problem, columns, n);
+      if (wanted(columns)) add(device, rows, selection, problem, columns, n);
     }
-    if (wanted(3)) add(device, rows, problem, 3, 501);
+    if (wanted(3)) add(device, rows, selection, problem, 3, 501);
   }
   // Long rows, few of them: past the blocks and segments into which a kernel cuts a row.
   for (const std::uint32_t n : {5791U, 17128U}) {
     if (n > selection.max_size) continue;
     const Problem problem(n, 7, 19);
     for (const std::uint32_t columns : {3U, 7U}) {
-      if (wanted(columns)) add(device, rows, problem, columns, 19);
+      if (wanted(columns)) add(device, rows, selection, problem, columns, 19);
     }
-    if (wanted(3)) add(device, rows, problem, 3, 5);
+    if (wanted(3)) add(device, rows, selection, problem, 3, 5);
   }
 }
 

@@ -91,7 +91,7 @@ struct Shape {
   Range range = Range::normal;
 };
 
-Finding run_tiles16(Device& device, const Shape& s) {
+Finding run_tiles16(Device& device, const Macros& macros, const Shape& s) {
   Random random(s.n * 2654435761U + s.columns + s.fill);
   TileArguments a{
       .n = s.n, .first = s.first, .strips = ceil_div(s.rows, tile_rows), .tiles = 0, .vector_stride = stride_of(s.n)};
@@ -111,9 +111,8 @@ Finding run_tiles16(Device& device, const Shape& s) {
   const std::vector<float> scale = random.numbers(a.vector_stride);  // a row written past n shows
   std::vector<reference::Sum> exact(std::size_t{s.columns} * a.vector_stride);
   reference::tiles16(a, s.columns, tiles, index, x, scale, exact);
-  const std::uint32_t group = std::max(1U, device.info().rows_per_group / tile_rows);
-  const auto kernel =
-      device.kernel("tiles16", {{"COLUMNS", static_cast<int>(s.columns)}, {"STRIPS", static_cast<int>(group)}});
+  const auto group = static_cast<std::uint32_t>(macros.at("STRIPS"));
+  const auto kernel = device.kernel("tiles16", macros);
   const GuardedBuffer tiles_(device, as_floats(std::span<const Half>(tiles)));
   const GuardedBuffer index_(device, as_floats(std::span<const std::uint32_t>(index)));
   const GuardedBuffer x_(device, x), scale_(device, scale);
@@ -173,15 +172,15 @@ SymmetricPanel panel_of(Random& random, const Symmetric& s) {
   return panel;
 }
 
-Finding run_sym16(Device& device, const Symmetric& s) {
+Finding run_sym16(Device& device, Macros macros, const Symmetric& s) {
   Random random(s.n * 2654435761U + s.columns + s.block + s.fill);
   const SymmetricPanel panel = panel_of(random, s);
   const std::vector<Half> tiles = halves(random, std::size_t{panel.arguments.tiles} * tile_elements, s.range);
   const std::vector<float> x = scaled_columns(random, s.n, panel.arguments.vector_stride, s.columns);
   std::vector<reference::Sum> exact(panel.written.size());
   reference::sym16(panel.arguments, s.columns, s.block, tiles, panel.index, x, exact);
-  const auto kernel =
-      device.kernel("sym16", {{"COLUMNS", static_cast<int>(s.columns)}, {"BLOCK", static_cast<int>(s.block)}});
+  macros.insert_or_assign("BLOCK", static_cast<int>(s.block));
+  const auto kernel = device.kernel("sym16", macros);
   const GuardedBuffer tiles_(device, as_floats(std::span<const Half>(tiles)));
   const GuardedBuffer index_(device, as_floats(std::span<const std::uint32_t>(panel.index)));
   const GuardedBuffer x_(device, x);
@@ -254,13 +253,15 @@ class Cases {
     if (!wanted("tiles16", s.n, s.columns)) return;
     add("tiles16", s.n, packed_bound(s.n),
         fmt::format("COLUMNS={} first={} rows={} fill=1/{}{}", s.columns, s.first, s.rows, s.fill, name_of(s.range)),
-        [&, this] { return run_tiles16(device_, s); });
+        [&, this] { return run_tiles16(device_, macros("tiles16", s.columns), s); });
   }
-  void symmetric(const Symmetric& s) {
+  void symmetric(Symmetric s) {
     if (!wanted("sym16", s.n, s.columns)) return;
+    const Macros with = macros("sym16", s.columns);
+    if (const auto block = with.find("BLOCK"); block != with.end()) s.block = static_cast<std::uint32_t>(block->second);
     add("sym16", s.n, sym16_bound(s.block),
         fmt::format("COLUMNS={} BLOCK={} fill=1/{} skip={}{}", s.columns, s.block, s.fill, s.skip, name_of(s.range)),
-        [&, this] { return run_sym16(device_, s); });
+        [&, this] { return run_sym16(device_, with, s); });
   }
   void fold(std::uint32_t n, std::uint32_t columns, std::uint32_t block) {
     if (!wanted("sym16_fold", n, 0)) return;
@@ -277,6 +278,9 @@ class Cases {
   [[nodiscard]] bool wanted(std::string_view kernel, std::uint32_t n, std::uint32_t columns) const {
     return n <= selection_.max_size && (selection_.kernel.empty() || selection_.kernel == kernel) &&
            (selection_.columns == 0 || columns == 0 || columns == selection_.columns);
+  }
+  [[nodiscard]] Macros macros(std::string_view kernel, std::uint32_t columns) const {
+    return case_macros(device_.info(), kernel, selection_, columns);
   }
   void add(std::string_view kernel, std::uint64_t n, double bound, std::string parameters,
            const std::function<Finding()>& run) {

@@ -67,7 +67,12 @@ struct Selection {
   std::uint64_t max_size = every_size;  ///< n, or lines, at most
   std::uint32_t columns = 0;            ///< of matvec, which is compiled for each number; 0: all
   std::string_view kernel = {};         ///< of the vector kernels and the 16-bit formats; empty: all
+  /// Of matvec, tiles16 and sym16, in place of default_macros(); with BLOCK every case of sym16 has that block.
+  Macros macros = {};
 };
+/// The macros of a case: default_macros(), those of the selection, and the number of columns.
+[[nodiscard]] Macros case_macros(const DeviceInfo& device, std::string_view kernel, const Selection& selection,
+                                 std::uint32_t columns);
 void check_matvec(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 void check_stream(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});  ///< read and copy
 /// tiles16, sym16, sym16_fold, scale.

@@ -12,5 +12,7 @@ struct EmbeddedKernel {
 };
 /// Defined in a file that cmake/embed_kernels.cmake writes at build time.
 [[nodiscard]] std::span<const EmbeddedKernel> embedded_kernels();
+/// Of all files of kernels/omp/, which are compiled with the library.
+[[nodiscard]] std::string_view openmp_kernels_hash();
 
 }  // namespace interflect

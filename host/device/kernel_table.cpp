@@ -123,18 +123,27 @@ std::span<const KernelLine> kernel_table() {
   static const std::vector<KernelLine> lines = {
       {"copy", "copy", "rw", stream, {}, &copy_needs},
       {"read", "read", "rw", stream, {{"STREAMS", 1, 8, 0}}, &read_needs},
-      {"matvec", "matvec", "rrw", sizeof(MatvecArguments), {{"COLUMNS", 1, 24, 0}, {"ROWS", 1, 64, 16}}, &matvec_needs},
+      {"matvec",
+       "matvec",
+       "rrw",
+       sizeof(MatvecArguments),
+       {{"COLUMNS", 1, 24, 0}, {"ROWS", 1, 64, 16, {4, 8, 12, 16, 32, 64}, true}},
+       &matvec_needs},
       {"tiles16",
        "tiles16",
        "rrrrw",
        sizeof(TileArguments),
-       {{"COLUMNS", 1, 24, 0}, {"STRIPS", 1, 64, 1}, {"PREFETCH", 0, 1024, 128}},
+       {{"COLUMNS", 1, 24, 0},
+        {"STRIPS", 1, 64, 1, {1, 2, 4, 8, 16}, true},
+        {"PREFETCH", 0, 1024, 128, {0, 64, 128, 192, 256}}},
        &tiles16_needs},
       {"sym16",
        "sym16",
        "rrrw",
        sizeof(SymmetricArguments),
-       {{"COLUMNS", 1, 24, 0}, {"BLOCK", 16, 1024, 0}, {"PREFETCH", 0, 1024, 160}},
+       {{"COLUMNS", 1, 24, 0},
+        {"BLOCK", 16, 1024, 0, {128, 256, 512, 1024}},
+        {"PREFETCH", 0, 1024, 160, {0, 96, 160, 224, 288}}},
        &sym16_needs},
       {"sym16_fold", "sym16", "rrw", vectors, {}, &sym16_fold_needs},
       {"scale", "scale", "rrw", vectors, {}, &scale_needs},
@@ -149,6 +158,23 @@ std::span<const KernelLine> kernel_table() {
       {"bicgstab_step", "bicgstab", "rrwwwww", vectors, {}, &vector_needs<6>},
   };
   return lines;
+}
+
+Macros default_macros(const DeviceInfo& device, std::string_view name) {
+  const auto lines = kernel_table();
+  const auto line = std::find_if(lines.begin(), lines.end(), [&](const KernelLine& l) { return l.name == name; });
+  if (line == lines.end()) refuse(device.id, fmt::format("kernel {}", name), "unknown kernel");
+  Macros macros;
+  for (const MacroRange& range : line->macros) {
+    if (range.if_missing >= range.smallest) macros.emplace(range.name, range.if_missing);
+  }
+  if (const auto rows = macros.find("ROWS"); rows != macros.end()) {
+    rows->second = static_cast<int>(device.rows_per_group);
+  }
+  if (const auto strips = macros.find("STRIPS"); strips != macros.end()) {
+    strips->second = static_cast<int>(std::max(1U, device.rows_per_group / tile_rows));
+  }
+  return macros;
 }
 
 void refuse(std::string_view device, std::string_view operation, std::string_view cause) {

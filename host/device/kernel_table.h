@@ -27,6 +27,9 @@ struct MacroRange {
   int smallest;
   int largest;
   int if_missing;  ///< the value of a macro that is not given; below `smallest`: it must be given
+  /// What tuning.h tries, ascending; empty: the macro is not a matter of speed. The result may differ in rounding.
+  std::vector<int> candidates = {};
+  bool of_groups = false;  ///< how much a work-group takes, which OpenMP ignores
 };
 
 /// What a launch asks for, as far as its kernel's line can judge it.
@@ -70,6 +73,10 @@ struct FoundKernel {
 };
 /// Throws a device Error for an unknown name, and a macro that is missing or out of its range.
 [[nodiscard]] FoundKernel find_kernel(std::string_view device, std::string_view name, const Macros& macros);
+
+/// The macros with which the kernel suits the device before any tuning: ROWS and STRIPS after its rows_per_group, the
+/// others by default; those that every caller must give are left out. Throws as find_kernel() does.
+[[nodiscard]] Macros default_macros(const DeviceInfo& device, std::string_view name);
 
 /// The largest n: lavapipe ends an invocation's loops silently after 65,535 iterations, and a kernel's loops stay below
 /// that up to here. A dense F of that size has 4 TiB.

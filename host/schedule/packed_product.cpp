@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "interflect/base/error.h"
+#include "interflect/device/tuning.h"
 #include "interflect/schedule/product.h"
 #include "interflect/schedule/scheduler.h"
 
@@ -93,23 +94,20 @@ class PackedProduct : public Product {
   std::unique_ptr<Buffer> in_, out_, scaled_;
 };
 
-std::uint32_t strips_per_group(const DeviceInfo& info) {
-  return std::max(1U, info.rows_per_group / tile_rows);
-}
-
 /// dense16, tiled16: a launch of tiles16 for each panel.
 class TiledProduct final : public PackedProduct {
  public:
   TiledProduct(const PackedMatrix& form_factors, Device& device, const VectorArguments& shape, std::uint32_t groups)
-      : PackedProduct(form_factors, device, shape, groups, strips_per_group(device.info())) {}
+      : TiledProduct(form_factors, device, shape, groups, launch_macros(device.info(), "tiles16", shape.columns)) {}
 
  private:
-  void compile() override {
-    kernel_ =
-        compiled("tiles16", {{"COLUMNS", columns()}, {"STRIPS", static_cast<int>(strips_per_group(device_.info()))}});
-  }
+  TiledProduct(const PackedMatrix& form_factors, Device& device, const VectorArguments& shape, std::uint32_t groups,
+               Macros macros)
+      : PackedProduct(form_factors, device, shape, groups, static_cast<std::uint64_t>(macros.at("STRIPS"))),
+        macros_(std::move(macros)) {}
+  void compile() override { kernel_ = compiled("tiles16", macros_); }
   void multiply(Buffer& y) override {
-    const std::uint32_t strips = strips_per_group(device_.info());
+    const auto strips = static_cast<std::uint32_t>(macros_.at("STRIPS"));
     for (const Panel& panel : panels_) {
       const TileArguments arguments{.n = form_factors_.size(),
                                     .first = panel.from.first * tile_rows,
@@ -121,6 +119,7 @@ class TiledProduct final : public PackedProduct {
     }
   }
 
+  Macros macros_;
   std::unique_ptr<Kernel> kernel_;
 };
 
@@ -147,7 +146,9 @@ class SymmetricProduct final : public PackedProduct {
            form_factors_.block() * sizeof(float);
   }
   void compile() override {
-    kernel_ = compiled("sym16", {{"COLUMNS", columns()}, {"BLOCK", static_cast<int>(form_factors_.block())}});
+    Macros macros = launch_macros(device_.info(), "sym16", shape_.columns);
+    macros.insert_or_assign("BLOCK", static_cast<int>(form_factors_.block()));  // the matrix has been cut by it
+    kernel_ = compiled("sym16", macros);
     fold_ = compiled("sym16_fold", {});
     partial_ = device_.allocate(partial_bytes());
   }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "interflect/base/error.h"
+#include "interflect/device/tuning.h"
 #include "interflect/schedule/scheduler.h"
 
 namespace interflect {
@@ -17,7 +18,10 @@ namespace {
 class DenseProduct final : public Product {
  public:
   DenseProduct(const FormFactorMatrix& form_factors, Device& device, const VectorArguments& shape, std::uint32_t groups)
-      : Product(device, shape, groups), form_factors_(form_factors) {
+      : Product(device, shape, groups),
+        form_factors_(form_factors),
+        macros_(launch_macros(device.info(), "matvec", shape.columns)),
+        group_(static_cast<std::uint32_t>(macros_.at("ROWS"))) {
     cut_panels();
   }
 
@@ -27,8 +31,7 @@ class DenseProduct final : public Product {
     return needed;
   }
   void place() override {
-    const auto rows = static_cast<int>(device_.info().rows_per_group);
-    matvec_ = compiled("matvec", {{"COLUMNS", columns()}, {"ROWS", rows}});
+    matvec_ = compiled("matvec", macros_);
     for (Panel& panel : panels_) {
       if (panel.buffer != nullptr) continue;
       const std::size_t bytes = panel.rows * row_bytes();
@@ -37,7 +40,6 @@ class DenseProduct final : public Product {
     }
   }
   void apply(Buffer& x, Buffer& y) override {
-    const std::uint32_t rows = device_.info().rows_per_group;
     for (const Panel& panel : panels_) {
       const MatvecArguments arguments{.n = form_factors_.size(),
                                       .first = panel.first,
@@ -45,7 +47,7 @@ class DenseProduct final : public Product {
                                       .row_stride = form_factors_.stride(),
                                       .vector_stride = shape_.vector_stride};
       const std::array buffers{panel.buffer.get(), &x, &y};
-      launch(*matvec_, (panel.rows + rows - 1) / rows, buffers, arguments, "y = F x");
+      launch(*matvec_, (panel.rows + group_ - 1) / group_, buffers, arguments, "y = F x");
     }
   }
   [[nodiscard]] std::vector<Buffer*> panel_buffers() const override {
@@ -72,9 +74,9 @@ class DenseProduct final : public Product {
   [[nodiscard]] std::uint32_t rows_that_fit() const {
     const DeviceInfo& info = device_.info();
     const std::uint32_t n = form_factors_.size();
-    std::uint64_t rows = std::min<std::uint64_t>(n, std::uint64_t{info.max_groups} * info.rows_per_group);
+    std::uint64_t rows = std::min<std::uint64_t>(n, std::uint64_t{info.max_groups} * group_);
     if (info.max_buffer_bytes != 0) rows = std::min(rows, info.max_buffer_bytes / row_bytes());
-    if (rows < n && rows > info.rows_per_group) rows -= rows % info.rows_per_group;
+    if (rows < n && rows > group_) rows -= rows % group_;
     return static_cast<std::uint32_t>(rows);
   }
 
@@ -101,6 +103,8 @@ class DenseProduct final : public Product {
   }
 
   const FormFactorMatrix& form_factors_;
+  Macros macros_;
+  std::uint32_t group_;  ///< rows of a work-group
   std::unique_ptr<Kernel> matvec_;
   std::vector<Panel> panels_;
 };

@@ -6,6 +6,8 @@
 
 #include "interflect/base/error.h"
 #include "interflect/base/memory.h"
+#include "interflect/device/tuning.h"
+#include "interflect/device/tuning.h"
 #include "interflect/formfactor/form_factor_matrix.h"
 
 namespace interflect {
@@ -35,8 +37,9 @@ Storage choose_storage(std::uint32_t n, const DeviceInfo& device) {
   return device.emulated() && n >= beyond_caches ? Storage::sym16 : Storage::dense32;
 }
 
-std::uint32_t sym16_block(const DeviceInfo& device) {
-  return device.type == DeviceType::cpu ? 0 : 256;
+std::uint32_t sym16_block(const DeviceInfo& device, std::uint32_t n) {
+  if (const std::uint32_t tuned = preferred_block(&device, n); tuned != 0) return tuned;
+  return device.type == DeviceType::cpu ? 0 : default_block_of_gpus;
 }
 
 }  // namespace interflect

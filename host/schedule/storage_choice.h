@@ -23,9 +23,10 @@ namespace interflect {
 /// Who solves many times with one F asks for sym16.
 [[nodiscard]] Storage choose_storage(std::uint32_t n, const DeviceInfo& device);
 
-/// The block of sym16 for a device: 256 for GPUs, which need hundreds of work-groups and keep a block's vectors in
-/// shared memory; 0, PackedMatrix's own choice, for processors.
-[[nodiscard]] std::uint32_t sym16_block(const DeviceInfo& device);
+/// The block of sym16 for n patches on a device: what tuning has found, for large matrices; else 256 for GPUs, which
+/// need hundreds of work-groups and keep a block's vectors in shared memory, and 0, PackedMatrix's own choice, for
+/// processors.
+[[nodiscard]] std::uint32_t sym16_block(const DeviceInfo& device, std::uint32_t n);
 
 /// Largest difference of a radiosity, relative to the largest radiosity, that a format's rounding may cause.
 inline constexpr double largest_rounding_error = 1e-4;

@@ -46,8 +46,12 @@ void Candidates::give_up(const Error& error) {
 }
 
 const DeviceInfo& Candidates::info() {
+  return device().info();
+}
+
+Device& Candidates::device() {
   open();
-  return device_->info();
+  return *device_;
 }
 
 FallbackReport solve_on(Candidates& candidates, const Place& place, Method method, const StopTest& stop,

@@ -39,6 +39,8 @@ class Candidates {
 
   /// What is known of the device that is open, opened if need be.
   [[nodiscard]] const DeviceInfo& info();
+  /// That device, to be used before it is taken.
+  [[nodiscard]] Device& device();
 
   [[nodiscard]] const std::string& id() const {
     return ids_.at(at_);

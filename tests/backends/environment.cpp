@@ -35,6 +35,9 @@ struct Environment {
 
 const Environment environment;
 
+/// Tests run with the default launch shapes, and search none.
+const bool untuned = ::setenv("INTERFLECT_TUNING", "off", 1) == 0;
+
 /// Vulkan under the validation layers, unless the caller has said otherwise.
 const bool validated = ::setenv("INTERFLECT_VULKAN_VALIDATION", "1", 0) == 0;
 
