@@ -3,7 +3,7 @@
 // sym16: a work-group takes a block. An invocation owns half of a tile column and goes down the block's strips: it keeps the
 // sums of its eight columns, and what its tile adds to the sums of the rows is joined over the work-group strip by strip, by
 // exchanges within a subgroup of eight or through shared memory. Where the work-group is narrower than the block, it goes
-// down again for the next tile columns. `partial` is added to by one invocation at a time in a fixed order, without atomics.
+// down again for the next tile columns. `partial` is added to by one invocation at a time in a fixed order, without atomics. On lavapipe: sym16_exchange.comp.
 #include "fours.comp"
 
 #ifdef KERNEL_sym16
@@ -71,9 +71,16 @@ void list_strips(uint first, uint count) {
 
 void add_four(uint at, vec4 value) { SET_FOUR(partial, at, FOUR(partial, at) + value); }
 
+#if defined(SHUFFLES) && WORKGROUP == 8
+#define EXCHANGE
+#define WAIT() subgroupBarrier()
+#else
+#define WAIT() barrier()
+#endif
+
 void wait_for_sums() {
   memoryBarrier();
-  barrier();
+  WAIT();
 }
 
 // The sums begin as zeros: a strip or tile column may be missing.
@@ -88,6 +95,10 @@ void clear_sums() {
   }
 }
 
+#ifdef EXCHANGE
+#include "sym16_exchange.comp"
+#else
+
 // Four rows of half a tile: their sums, and what they add to the sums of the columns.
 void quad(uint at, bool there, vec4 x_rows[CHUNK], Eight x[CHUNK], inout Eight sum[CHUNK], out vec4 rows[CHUNK]) {
   uvec4 words[4];
@@ -101,32 +112,6 @@ void quad(uint at, bool there, vec4 x_rows[CHUNK], Eight x[CHUNK], inout Eight s
     }
   }
 }
-
-#if defined(SHUFFLES) && WORKGROUP == 8
-#define EXCHANGE
-
-// Invocation l holds the four of column c, quad q: l = 2 c + q.
-uint lane_of(uint c, uint q) { return 2u * c + q; }
-bool holds_four() { return lane / 2u < CHUNK && column_of(lane / 2u) < COLUMNS; }
-
-// Half of the sums goes with each exchange: between columns c and c + 2, then c and c + 1, then the quads.
-vec4 halve(vec4 low, vec4 high, uint distance) {
-  const bool upper = (lane & distance) != 0u;
-  return (upper ? high : low) + subgroupShuffleXor(upper ? low : high, distance);
-}
-
-void join_rows(uint number, vec4 rows[QUADS][CHUNK]) {
-  vec4 sum[2];
-  for (uint q = 0u; q < 2u; ++q) {
-    vec4 s[4];
-    for (uint c = 0u; c < 4u; ++c) s[c] = c < CHUNK ? rows[q][min(c, CHUNK - 1u)] : vec4(0.0);
-    sum[q] = halve(halve(s[0], s[2], 4u), halve(s[1], s[3], 4u), 2u);
-  }
-  const vec4 all = halve(sum[0], sum[1], 1u);
-  if (holds_four()) add_four(rows_at[0] + lane / 2u * SIDE + 2u * number + lane % 2u, all);
-}
-
-#else
 
 // Each invocation's sums of rows side by side, then the parts of a row's sum.
 const uint SHARES = WORKGROUP / ROW_PARTS;
@@ -161,22 +146,7 @@ void join_rows(uint number, vec4 rows[QUADS][CHUNK]) {
   }
 }
 
-#endif
-
-#ifdef EXCHANGE
-#define X_OF_ROWS(c, q) subgroupShuffle(own, lane_of(c, q))
-// Eight strips are read at once, one by each invocation: llvmpipe reads shared memory lane by lane.
-uvec4 next_strips;
-uint read_strips(uint t, uint count) {
-  next_strips = strips[min(t + lane, count - 1u)];
-  return min(t + 8u, count);
-}
-#define STRIP(t) subgroupShuffle(next_strips, t % 8u)
-#else
-uint read_strips(uint t, uint count) { return count; }
-#define STRIP(t) strips[t]
 #define X_OF_ROWS(c, q) FOUR(xs, x_column[c] + x_at + own_part() + q)
-#endif
 // Not a loop, which the driver would not unroll.
 #define ROWS_OF_QUAD(q)                                                                                            \
   {                                                                                                                \
@@ -198,23 +168,17 @@ void go_down(uint first, uint count) {
     x[c] = Eight(inside ? FOUR(xs, x_column[c] + at) : vec4(0.0), inside ? FOUR(xs, x_column[c] + at + 1u) : vec4(0.0));
     sum[c] = Eight(vec4(0.0), vec4(0.0));
   }
-  for (uint t = 0u; t < count;) {
-    const uint end = read_strips(t, count);
-    do {
-      const uvec4 strip = STRIP(t);
-      const bool there = (strip.zw & bit) != uvec2(0u);
-      const uint tile = strip.y + uint(bitCount(strip.z & before.x) + bitCount(strip.w & before.y));
-      vec4 rows[QUADS][CHUNK];
-      const uint x_at = block_row * SIDE + 2u * strip.x;
-#ifdef EXCHANGE
-      const vec4 own = FOUR(xs, x_column[min(lane / 2u, CHUNK - 1u)] + x_at + lane % 2u);
-#endif
-      ROWS_OF_QUAD(0u)
+  for (uint t = 0u; t < count; ++t) {
+    const uvec4 strip = strips[t];
+    const bool there = (strip.zw & bit) != uvec2(0u);
+    const uint tile = strip.y + uint(bitCount(strip.z & before.x) + bitCount(strip.w & before.y));
+    vec4 rows[QUADS][CHUNK];
+    const uint x_at = block_row * SIDE + 2u * strip.x;
+    ROWS_OF_QUAD(0u)
 #ifdef TEXEL
-      ROWS_OF_QUAD(1u)
+    ROWS_OF_QUAD(1u)
 #endif
-      join_rows(strip.x, rows);
-    } while (++t < end);  // llvmpipe runs a loop whose condition stands first once more, masked
+    join_rows(strip.x, rows);
   }
   for (uint part = 0u; part < ROW_PARTS; ++part) {
     wait_for_sums();
@@ -229,6 +193,8 @@ void go_down(uint first, uint count) {
   wait_for_sums();
 }
 
+#endif
+
 void main() {
   const uvec4 head = WORDS(index, gl_WorkGroupID.y);
   block_row = head.x;
@@ -238,10 +204,16 @@ void main() {
     rows_at[c] = slot(block_row, block_column, c);
     columns_at[c] = slot(block_column, block_row, c);
   }
+#ifdef EXCHANGE
+  // A group has a block: the condition only keeps the compiler from leaving the reads out.
+  const uint seen = touch_tiles(head.z, head.w);
+  if (a.blocks == 0u) block_row = seen;
+#endif
   list_strips(head.z, head.w - head.z);
   clear_sums();
   wait_for_sums();
-  for (uint first = 0u; first < TILE_COLUMNS; first += TILES) go_down(first, head.w - head.z);
+  const uint count = head.w - head.z;
+  for (uint first = 0u; first < TILE_COLUMNS && count > 0u; first += TILES) go_down(first, count);
 }
 
 #else

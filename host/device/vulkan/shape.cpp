@@ -70,11 +70,12 @@ std::uint32_t most_buffers() {
 }
 
 /// The most bytes that a kernel keeps in shared memory: group_sum.comp, and beside it at most 2048 floats of
-/// matvec.comp where a work-group has several subgroups; or sym16.comp: 128 strips of 4 words, and where invocations
-/// do not exchange values, their sums of 4 or 8 rows and 8 parts of each row's.
+/// matvec.comp where a work-group has several subgroups; or sym16.comp: 128 strips of 4 words, and where eight
+/// invocations exchange values, one word more for each, else their sums of 4 or 8 rows and 8 parts of each row's.
 std::uint32_t shared_bytes(const Shape& shape) {
   const std::uint32_t sums = shape.subgroups == 1 ? 0 : shape.subgroups == 0 ? shape.workgroup : 2048 + shape.subgroups;
-  const std::uint32_t rows = shape.shuffles ? 0 : sym16_chunk * ((shape.texel ? 8 : 4) * shape.workgroup + 64);
+  const std::uint32_t rows =
+      shape.shuffles && shape.workgroup == 8 ? 128 : sym16_chunk * ((shape.texel ? 8 : 4) * shape.workgroup + 64);
   return std::max(sums, 512 + rows) * 4;
 }
 
