@@ -190,7 +190,7 @@ void add_measuring(CLI::App& command, Options& options) {
   command
       .add_option("--random", options.random,
                   "products of a dense random matrix of so many patches; instead of the rooms unless --room names some")
-      ->check(count(1U << 20U));
+      ->check(number(0U, 1U << 20U));
   command.add_flag("--growth", options.growth,
                    "a product of one room at 1k, 2k, 4k, ... 32k patches, and the exponents of its time and bytes; "
                    "instead of the rooms unless --room names some");

@@ -92,7 +92,8 @@ ordered_json bench_header(const std::vector<DeviceInfo>& infos, unsigned repetit
 
 std::string header_text(const ordered_json& header) {
   std::string out = fmt::format("interflect {}", field(header, "interflect"));
-  if (header.contains("commit") && header.at("commit") != "") out += fmt::format(" ({})", field(header, "commit"));
+  if (header.contains("commit") && !field(header, "commit").empty())
+    out += fmt::format(" ({})", field(header, "commit"));
   if (header.contains("compiler")) out += ", " + field(header, "compiler");
   if (header.contains("date")) out += ", " + field(header, "date");
   out += '\n';

@@ -156,7 +156,8 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
   };
   Columns radiosity;
   const auto measure = [&](Scheduler& scheduler) {
-    use.rounding_error = rounding_error(scheduler, matrix, mesh.area, light.reflectance, light.emittance, radiosity);
+    use.rounding_error =
+        rounding_error(scheduler, method, matrix, mesh.area, light.reflectance, light.emittance, radiosity);
   };
   // A fixed number of iterations asks for that many bounces, not for a solution that could be judged.
   FallbackReport done = solve_on(candidates, place, method, stop, mesh.area, light.reflectance, light.emittance,
@@ -178,12 +179,15 @@ Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
     why = "the rounded form factors have no solution within the tolerance";  // where ρ is near 1 they may have none at
                                                                              // all
   } else if (error && solved.report.converged && !(*error <= largest_rounding_error)) {  // also NaN
-    why = fmt::format("its rounding moves a radiosity by {:.1e} of the largest, {:.0e} is allowed", *error,
+    why = fmt::format("its rounding moves a radiosity by {:.2e} of the largest, {:.0e} is allowed", *error,
                       largest_rounding_error);
   }
   if (why.empty()) return solved;
   progress.message(fmt::format("warning: {} is refused: {}; solving with dense32", name(format), why));
-  return solve_dense(matrix, mesh, candidates, method, stop, progress);
+  Solved dense = solve_dense(matrix, mesh, candidates, method, stop, progress);
+  dense.storage.refused = fmt::format("{}: {}", name(format), why);
+  dense.storage.pack_seconds = solved.storage.pack_seconds;
+  return dense;
 }
 
 Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop) {

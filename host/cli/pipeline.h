@@ -56,6 +56,7 @@ struct StorageUse {
   double nonzero_fraction = 0;                ///< of the n² elements
   std::optional<double> rounding_error = {};  ///< of the radiosities, see rounding_error(); none for dense32
   double pack_seconds = 0;                    ///< order of the patches and packing
+  std::string refused = {};                   ///< the format that dense32 took the place of, and why
 };
 
 /// Radiosity and what it took.

@@ -89,14 +89,17 @@ ordered_json to_json(const SolveSummary& summary) {
   const CompileStatistics kernels = compile_statistics();
   out["kernels"] = {{"compiled", kernels.compiled}, {"from_cache", kernels.from_cache}};
   const StorageUse& storage = summary.solved->storage;
-  out["storage"] = {{"format", std::string(name(storage.format))},
-                    {"bytes", storage.bytes},
-                    {"nonzero_fraction", storage.nonzero_fraction},
-                    {"rounding_error", storage.rounding_error ? nlohmann::ordered_json(*storage.rounding_error)
-                                                              : nlohmann::ordered_json(nullptr)}};
+  out["storage"] = {
+      {"format", std::string(name(storage.format))},
+      {"bytes", storage.bytes},
+      {"nonzero_fraction", storage.nonzero_fraction},
+      {"rounding_error",
+       storage.rounding_error ? nlohmann::ordered_json(*storage.rounding_error) : nlohmann::ordered_json(nullptr)},
+      {"refused", storage.refused.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(storage.refused)}};
   out["seconds"] = {{"read", loaded.read_seconds},
                     {"mesh", loaded.mesh_seconds},
                     {"form_factors", factors.report.seconds},
+                    {"pack", storage.pack_seconds},
                     {"upload", summary.solved->upload_seconds},
                     {"compile", kernels.seconds},
                     {"solve", report.seconds},

@@ -89,6 +89,9 @@ void PackedMatrix::set_scales(std::span<const double> area) {
     scale_in_[k] = static_cast<float>(std::sqrt(a / mean));
     scale_out_[k] = 1.0F / (element_scale * scale_in_[k]);
     inverse_[k] = 1.0F / scale_in_[k];
+    if (std::isnormal(scale_in_[k]) && std::isnormal(scale_out_[k]) && std::isnormal(inverse_[k])) continue;
+    throw Error(ErrorKind::input,
+                fmt::format("area of patch {}: {} is too far from the mean of {}", order_[k], a, mean));
   }
 }
 

@@ -41,7 +41,8 @@ class PackedMatrix {
   };
   /// From the fp32 matrix and the patches' areas. Throws a usage Error for dense32, areas or an order of another
   /// length, an order that is no permutation, a block that is no multiple of 16; an input Error for an area that is not
-  /// positive; a limit Error when the system refuses memory.
+  /// positive, or so far from the mean that fp32 cannot scale by it; a limit Error when packing needs more memory than
+  /// may be used, or the system refuses it.
   PackedMatrix(const FormFactorMatrix& form_factors, std::span<const double> area, Storage storage, Options options);
   PackedMatrix(const FormFactorMatrix& form_factors, std::span<const double> area, Storage storage)
       : PackedMatrix(form_factors, area, storage, Options{}) {}
@@ -113,6 +114,7 @@ class PackedMatrix {
   };
 
   void set_scales(std::span<const double> area);
+  void check_memory(std::uint64_t needed) const;
   void store_tiles(const FormFactorMatrix& form_factors);
   void make_strip(const FormFactorMatrix& form_factors, std::uint32_t strip, std::span<Half> rows, Arena& arena,
                   Made& made) const;

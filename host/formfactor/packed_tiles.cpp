@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <exception>
 
 #include "interflect/base/error.h"
 #include "interflect/formfactor/packed_matrix.h"
@@ -37,6 +38,15 @@ std::uint32_t keep_upper(Half* tile, std::uint32_t row, std::uint32_t column) {
 
 }  // namespace
 
+/// Throws a limit Error when packing needs more than may be used: its tiles exist twice until they have their place.
+void PackedMatrix::check_memory(std::uint64_t needed) const {
+  const std::uint64_t available = available_memory();
+  if (needed <= available) return;
+  throw Error(ErrorKind::limit,
+              fmt::format("packing {} patches as {} needs {:.2f} GiB, {:.2f} may be used", n_, name(storage_),
+                          static_cast<double>(needed) / (1 << 30), static_cast<double>(available) / (1 << 30)));
+}
+
 /// One thread's tiles before they have their place: memory by huge pages, since the system takes its time to hand out a
 /// small page.
 class PackedMatrix::Arena {
@@ -44,7 +54,8 @@ class PackedMatrix::Arena {
   /// Room for so many halves at least.
   Half* room(std::size_t halves) {
     if (memory_.empty() || memory_.back().size() - used_ < halves * sizeof(Half)) {
-      memory_.emplace_back(std::max(halves * sizeof(Half), std::size_t{32} << 20U));
+      memory_.emplace_back(std::max(halves * sizeof(Half), std::min(std::size_t{32} << 20U, 2 * taken_)));
+      taken_ += memory_.back().size();
       used_ = 0;
     }
     return reinterpret_cast<Half*>(memory_.back().data() + used_);
@@ -54,6 +65,7 @@ class PackedMatrix::Arena {
  private:
   std::vector<PageBuffer> memory_;
   std::size_t used_ = 0;
+  std::size_t taken_ = std::size_t{1} << 20U;  // bytes, and a start: small matrices need little
 };
 
 /// The tiles of a strip that are stored, with their columns; `buffer` has room for 8 rows.
@@ -90,14 +102,28 @@ void PackedMatrix::make_strip(const FormFactorMatrix& form_factors, std::uint32_
 void PackedMatrix::store_tiles(const FormFactorMatrix& form_factors) {
   const std::uint32_t strips = (n_ + rows - 1) / rows;
   std::vector<Made> made(strips);
+  if (storage_ == Storage::dense16) check_memory(std::uint64_t{2} * strips * rows * stride_ * sizeof(Half));
   std::vector<Arena> arenas(static_cast<std::size_t>(omp_get_max_threads()));
+  std::exception_ptr failure;  // none may leave the parallel region
 #pragma omp parallel
   {
     Arena& arena = arenas[static_cast<std::size_t>(omp_get_thread_num())];
-    std::vector<Half> buffer(std::size_t{rows} * stride_);
+    std::vector<Half> buffer;
 #pragma omp for schedule(dynamic, 4)
-    for (std::uint32_t s = 0; s < strips; ++s) make_strip(form_factors, s, buffer, arena, made[s]);
+    for (std::uint32_t s = 0; s < strips; ++s) {
+      try {
+        buffer.resize(std::size_t{rows} * stride_);
+        make_strip(form_factors, s, buffer, arena, made[s]);
+      } catch (...) {
+#pragma omp critical
+        failure = std::current_exception();
+      }
+    }
   }
+  if (failure) std::rethrow_exception(failure);
+  std::uint64_t tiles = 0;
+  for (const Made& strip : made) tiles += strip.columns.size();
+  check_memory(tiles * tile_elements * sizeof(Half));
   lay_out(made);
   make_chunks(max_panel_bytes_);
   place_tiles(made);

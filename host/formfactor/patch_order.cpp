@@ -19,7 +19,6 @@ namespace interflect {
 
 namespace {
 
-
 /// Which patch of the matrix stands in which place.
 std::vector<std::uint32_t> places(const FormFactorMatrix& form_factors, std::span<const std::uint32_t> order) {
   constexpr std::uint32_t missing = std::numeric_limits<std::uint32_t>::max();

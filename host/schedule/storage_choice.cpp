@@ -7,7 +7,6 @@
 #include "interflect/base/error.h"
 #include "interflect/base/memory.h"
 #include "interflect/device/tuning.h"
-#include "interflect/device/tuning.h"
 #include "interflect/formfactor/form_factor_matrix.h"
 
 namespace interflect {
@@ -16,6 +15,13 @@ namespace {
 
 constexpr std::uint32_t beyond_caches = 4096;         // patches: 64 MiB of dense32
 constexpr std::uint64_t vector_bytes_of_patch = 256;  // 16 vectors of 3 columns, and some
+
+/// Whether the partial sums of sym16, for three columns and the default block, fit one buffer of the device.
+bool sym16_fits(std::uint32_t n, const DeviceInfo& device) {
+  const std::uint64_t block = device.type == DeviceType::cpu ? 1024 : default_block_of_gpus;
+  const std::uint64_t partial = std::uint64_t{n} * ((n + block - 1) / block) * 3 * sizeof(float);
+  return device.max_buffer_bytes == 0 || partial <= device.max_buffer_bytes;
+}
 
 }  // namespace
 
@@ -33,8 +39,9 @@ Storage choose_storage(std::uint32_t n, const DeviceInfo& device) {
   if (device.type == DeviceType::cpu && available != 0) available = std::min(available, available_memory());
   const std::uint64_t needed =
       (in_place ? 0 : FormFactorMatrix::predicted_bytes(n)) + std::uint64_t{n} * vector_bytes_of_patch;
-  if (available != 0 && needed > available) return Storage::sym16;
-  return device.emulated() && n >= beyond_caches ? Storage::sym16 : Storage::dense32;
+  const bool too_large = available != 0 && needed > available;
+  if (!too_large && !(device.emulated() && n >= beyond_caches)) return Storage::dense32;
+  return sym16_fits(n, device) ? Storage::sym16 : Storage::tiled16;
 }
 
 std::uint32_t sym16_block(const DeviceInfo& device, std::uint32_t n) {

@@ -16,6 +16,7 @@ namespace interflect {
 ///   sym16    where dense32 and the vectors of a solve do not fit into the device's memory;
 ///            on a processor behind a GPU driver from 4,096 patches on: dense32 would have to be copied (4 n² bytes),
 ///            and reading it a dozen times costs more than finding and packing a tenth of it;
+///   tiled16  where that is so, but the partial sums of sym16 exceed the device's largest buffer;
 ///   dense32  else: below 4,096 patches F stays in caches and no format is faster; OpenMP uses the host's matrix in
 ///   place
 ///            and a GPU reads it at full speed, so that packing, some 1.5 ns an element, would take longer than the ten

@@ -72,6 +72,7 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
       scheduler = place(candidates.take());
       result.upload_seconds += timer.seconds() - scheduler->compile_seconds();
       result.report = solve(*scheduler, method, stop, area, reflectance, emittance, radiosity, progress, &checkpoint);
+      if (after) after(*scheduler);
       done = true;
     } catch (const Error& error) {
       candidates.give_up(error);
@@ -79,7 +80,6 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
     if (done || checkpoint.kept_iterations > before) result.devices.push_back(id);
   }
   result.failures = candidates.failures();
-  if (after) after(*scheduler);
   return result;
 }
 

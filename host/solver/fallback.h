@@ -71,7 +71,7 @@ using Place = std::function<std::unique_ptr<Scheduler>(std::unique_ptr<Device>)>
 /// of its limits is in the way, on the next one, from the last good iterate: the b of the last finished pass or a
 /// checkpoint, taken every `interval` seconds of iterating. Throws what solve() throws, and the last candidate's Error
 /// when none is left; radiosity is untouched then. `after`, when given, is called with the Scheduler on which the solve
-/// ended well; what it throws is thrown.
+/// ended well; when the device fails in it, the next one solves and calls it again.
 [[nodiscard]] FallbackReport solve_on(Candidates& candidates, const Place& place, Method method, const StopTest& stop,
                                       std::span<const double> area, const Columns& reflectance,
                                       const Columns& emittance, Columns& radiosity, ProgressSink* progress = nullptr,

@@ -21,8 +21,9 @@ double largest(const Columns& columns) {
 
 }  // namespace
 
-double rounding_error(Scheduler& scheduler, const FormFactorMatrix& form_factors, std::span<const double> area,
-                      const Columns& reflectance, const Columns& emittance, const Columns& radiosity) {
+double rounding_error(Scheduler& scheduler, Method method, const FormFactorMatrix& form_factors,
+                      std::span<const double> area, const Columns& reflectance, const Columns& emittance,
+                      const Columns& radiosity) {
   std::vector<std::vector<double>> received;
   exact_product(form_factors, radiosity, received);
   Columns residual = radiosity;
@@ -34,7 +35,7 @@ double rounding_error(Scheduler& scheduler, const FormFactorMatrix& form_factors
     }
   }
   Columns difference;
-  const SolveReport report = solve(scheduler, Method::cg, {.tolerance = 0.01}, area, reflectance, residual, difference);
+  const SolveReport report = solve(scheduler, method, {.tolerance = 0.01}, area, reflectance, residual, difference);
   if (!report.converged) return std::numeric_limits<double>::quiet_NaN();
   const double size = largest(radiosity);
   return size > 0 ? largest(difference) / size : 0.0;

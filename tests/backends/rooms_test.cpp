@@ -60,8 +60,8 @@ Result solve_on(const std::string& id, const Room& room, Method method, const Pa
   Result result;
   result.report = solve(*scheduler, method, StopTest{}, room.mesh.area, reflectance, emittance, result.radiosity);
   result.rounding = packed == nullptr ? 0
-                                      : rounding_error(*scheduler, room.factors.matrix, room.mesh.area, reflectance,
-                                                       emittance, result.radiosity);
+                                      : rounding_error(*scheduler, method, room.factors.matrix, room.mesh.area,
+                                                       reflectance, emittance, result.radiosity);
   EXPECT_TRUE(result.report.converged) << id << " " << name(method) << ": " << result.report.reason;
   return result;
 }

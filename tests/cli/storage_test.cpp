@@ -60,6 +60,18 @@ TEST(SolveStorage, AFormatThatRoundsTooMuchIsRefused) {
   EXPECT_EQ(solved.report["storage"]["format"], "dense32");
   EXPECT_THAT(solved.outcome.err, HasSubstr("sym16 is refused: its rounding moves a radiosity by"));
   EXPECT_THAT(solved.outcome.err, HasSubstr("solving with dense32"));
+  EXPECT_THAT(std::string(solved.report["storage"]["refused"]), HasSubstr("sym16: its rounding moves"));
+  EXPECT_TRUE(solved.report["storage"]["rounding_error"].is_null());
+  EXPECT_GT(solved.report["seconds"]["pack"], 0.0);
+}
+
+/// A given number of bounces is no solution that could be judged, and the report says that it was not.
+TEST(SolveStorage, AFixedNumberOfIterationsIsNotJudged) {
+  const Solved solved = solve(scene_file("cornell-box.obj"), {"--storage", "tiled16", "--iterations", "3"});
+  EXPECT_EQ(solved.report["storage"]["format"], "tiled16");
+  EXPECT_TRUE(solved.report["storage"]["rounding_error"].is_null());
+  EXPECT_TRUE(solved.report["storage"]["refused"].is_null());
+  EXPECT_THAT(solved.outcome.out, HasSubstr("the error of its rounding was not measured"));
 }
 
 TEST(SolveStorage, AnUnknownFormatIsAUsageError) {

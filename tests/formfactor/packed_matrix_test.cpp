@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <functional>
 #include <map>
 #include <numeric>
@@ -198,6 +199,13 @@ TEST(PackedMatrix, RefusesWhatItCannotStore) {
   twice[4] = 20;
   expect_error(ErrorKind::usage, "patch 20", [&] { pack(Storage::sym16, example.area, {.order = twice}); });
   expect_error(ErrorKind::usage, "multiple of 16", [&] { pack(Storage::sym16, example.area, {.block = 40}); });
+  area[7] = 1e-90;
+  expect_error(ErrorKind::input, "patch 7: 1e-90 is too far", [&] { pack(Storage::sym16, area, {}); });
+  ::setenv("INTERFLECT_MEMORY", "1K", 1);
+  for (const Storage storage : formats) {
+    expect_error(ErrorKind::limit, "may be used", [&] { pack(storage, example.area, {}); });
+  }
+  ::unsetenv("INTERFLECT_MEMORY");
   const PackedMatrix matrix(example.form_factors, example.area, Storage::dense16);
   expect_error(ErrorKind::limit, "a buffer takes 100", [&] { static_cast<void>(matrix.panels(100, 10)); });
 }

@@ -163,6 +163,9 @@ TEST(StorageChoice, BySizeDeviceAndMemory) {
   gpu.memory_bytes = std::uint64_t{8} << 30;
   EXPECT_EQ(choose_storage(17128, gpu), Storage::dense32);
   EXPECT_EQ(choose_storage(60000, gpu), Storage::sym16) << "14 GB do not fit";
+  gpu.max_buffer_bytes = 100 << 20;
+  EXPECT_EQ(choose_storage(60000, gpu), Storage::tiled16) << "and sym16's partial sums do not fit a buffer";
+  gpu.max_buffer_bytes = 0;
   gpu.memory_bytes = 0;
   EXPECT_EQ(choose_storage(60000, gpu), Storage::dense32) << "not known: the device must refuse";
   EXPECT_EQ(storage_of("auto"), std::nullopt);

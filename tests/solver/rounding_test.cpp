@@ -29,8 +29,8 @@ Result solved(const Matrix& f, const Room& room, const Light& light, Method meth
       solve(scheduler, method, StopTest{}, room.area, light.reflectance, light.emittance, result.radiosity);
   EXPECT_TRUE(report.converged) << report.reason;
   result.products = report.products;
-  result.claimed =
-      rounding_error(scheduler, room.form_factors, room.area, light.reflectance, light.emittance, result.radiosity);
+  result.claimed = rounding_error(scheduler, method, room.form_factors, room.area, light.reflectance, light.emittance,
+                                  result.radiosity);
   return result;
 }
 
