@@ -77,21 +77,19 @@ PackedMatrix::PackedMatrix(const FormFactorMatrix& form_factors, std::span<const
 }
 
 void PackedMatrix::set_scales(std::span<const double> area) {
+  for (std::uint32_t i = 0; i < n_; ++i) {
+    if (std::isfinite(area[i]) && area[i] > 0) continue;
+    throw Error(ErrorKind::input, fmt::format("area of patch {}: {} is not positive and finite", i, area[i]));
+  }
   const double mean = std::accumulate(area.begin(), area.end(), 0.0) / std::max(1.0, static_cast<double>(n_));
-  scale_in_.assign(stride_, 0.0F);
-  scale_out_.assign(stride_, 0.0F);
-  inverse_.assign(stride_, 0.0F);
+  for (std::vector<float>* scale : {&scale_in_, &scale_out_, &inverse_}) scale->assign(stride_, 0.0F);
   for (std::uint32_t k = 0; k < n_; ++k) {
-    const double a = area[order_[k]];
-    if (!std::isfinite(a) || !(a > 0)) {
-      throw Error(ErrorKind::input, fmt::format("area of patch {}: {} is not positive and finite", order_[k], a));
-    }
-    scale_in_[k] = static_cast<float>(std::sqrt(a / mean));
+    scale_in_[k] = static_cast<float>(std::sqrt(area[order_[k]] / mean));
     scale_out_[k] = 1.0F / (element_scale * scale_in_[k]);
     inverse_[k] = 1.0F / scale_in_[k];
     if (std::isnormal(scale_in_[k]) && std::isnormal(scale_out_[k]) && std::isnormal(inverse_[k])) continue;
     throw Error(ErrorKind::input,
-                fmt::format("area of patch {}: {} is too far from the mean of {}", order_[k], a, mean));
+                fmt::format("area of patch {}: {} is too far from the mean of {}", order_[k], area[order_[k]], mean));
   }
 }
 
