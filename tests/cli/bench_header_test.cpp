@@ -54,10 +54,11 @@ TEST(BenchHeader, SaysWhatWasMeasuredWithWhatAndRowsThatDoNotFitSayWhy) {
                                std::regex("20\\d\\d-\\d\\d-\\d\\dT\\d\\d:\\d\\d:\\d\\dZ")));
   EXPECT_TRUE(std::regex_match(header.at("commit").get<std::string>(), std::regex("([0-9a-f]{40}(-dirty)?)?")));
   EXPECT_TRUE(std::regex_match(header.at("compiler").get<std::string>(), std::regex("(GCC|Clang) \\d+\\.\\d+\\.\\d+")));
-  EXPECT_EQ(header.at("settings"), Json({{"INTERFLECT_CACHE", "off"},
-                                         {"INTERFLECT_MEMORY", "1M"},
-                                         {"INTERFLECT_TUNING", "off"},
-                                         {"OMP_NUM_THREADS", "1"}}));
+  const Json& settings = header.at("settings");  // there may be more in the environment of the tests
+  for (const auto& [name, value] : {std::pair("INTERFLECT_CACHE", "off"), std::pair("INTERFLECT_MEMORY", "1M"),
+                                    std::pair("INTERFLECT_TUNING", "off"), std::pair("OMP_NUM_THREADS", "1")}) {
+    EXPECT_EQ(settings.at(name), value);
+  }
   EXPECT_EQ(header.at("omp_threads"), 1);
   EXPECT_EQ(header.at("repetitions"), 2);
   EXPECT_EQ(header.at("load_average").size(), 3U);
