@@ -4,10 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 
 namespace interflect::test {
 namespace {
+
+/// The program has no suppressions of its own for the sanitizers.
+const bool told_sanitizers =
+    ::setenv("LSAN_OPTIONS", "suppressions=" INTERFLECT_SOURCE_DIR "/tests/peers/viennacl.supp", 0) == 0;
 
 using nlohmann::json;
 using ::testing::HasSubstr;
