@@ -130,10 +130,12 @@ void PackedMatrix::store_tiles(const FormFactorMatrix& form_factors) {
   std::uint64_t nonzero = 0;
   for (const Made& strip : made) nonzero += strip.nonzero;
   nonzero_fraction_ = static_cast<double>(nonzero) / std::max(1.0, static_cast<double>(n_) * n_);
-  bytes_ = unit_begin_.back() * sizeof(Half);
-  for (const Chunk& chunk : chunks_) {
-    bytes_ += panel(chunk.first, chunk.end, chunk).index.size() * sizeof(std::uint32_t);
-  }
+  // As add_index() writes them: the tiles' columns, where each strip begins, and for blocks their heads and their
+  // strips.
+  const std::uint64_t strips_written = strips_.size() - 1;
+  std::uint64_t index = columns_.size() + strips_written + chunks_.size();
+  if (storage_ == Storage::sym16) index += strips_written + std::uint64_t{4} * units();
+  bytes_ = unit_begin_.back() * sizeof(Half) + index * sizeof(std::uint32_t);
 }
 
 /// The tiles of some strips whose tile columns lie in [first_column, end_column) as the next unit; for sym16, which

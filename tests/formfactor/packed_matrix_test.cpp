@@ -52,7 +52,11 @@ std::map<std::pair<std::uint32_t, std::uint32_t>, float> elements(const PackedMa
                                                                   std::uint32_t max_units) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, float> all;
   std::uint32_t next_unit = 0;
+  std::uint64_t bytes = 0;
+  std::size_t panels = 0;
   for (const PackedMatrix::Panel& panel : matrix.panels(max_bytes, max_units)) {
+    bytes += panel.elements.size() + panel.index.size() * sizeof(std::uint32_t);
+    ++panels;
     EXPECT_EQ(panel.first, next_unit);
     EXPECT_LE(panel.units, max_units);
     EXPECT_LE(panel.elements.size(), max_bytes);
@@ -88,6 +92,9 @@ std::map<std::pair<std::uint32_t, std::uint32_t>, float> elements(const PackedMa
       }
     }
   }
+  // A panel that was cut again has one beginning more.
+  EXPECT_GE(bytes, matrix.bytes());
+  EXPECT_LE(bytes, matrix.bytes() + panels * sizeof(std::uint32_t));
   return all;
 }
 

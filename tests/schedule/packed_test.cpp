@@ -121,6 +121,7 @@ TEST(PackedScheduler, PanelsBlocksAndThreadsChangeNothingButRounding) {
 
 TEST(PackedScheduler, TheExactProductIsIndependentOfThreads) {
   const Columns x = wave(5);
+  const int before = ::omp_get_max_threads();
   for (const Storage storage : formats) {
     const PackedMatrix f = packed(storage, 50'000);
     std::vector<std::vector<double>> one, three;
@@ -130,6 +131,7 @@ TEST(PackedScheduler, TheExactProductIsIndependentOfThreads) {
     exact_product(f, x, three);
     EXPECT_EQ(one, three) << name(storage);
   }
+  ::omp_set_num_threads(before);
 }
 
 TEST(PackedScheduler, PanelsAreSharedOrCutAndUploaded) {

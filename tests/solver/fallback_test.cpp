@@ -299,5 +299,39 @@ TEST(Checkpoint, TheLimitOfIterationsCountsWhatTheIterateIsMadeOf) {
   }
 }
 
+/// What is measured after a solve may lose the device as well: then the next one solves, and is measured.
+TEST(Fallback, ADeviceLostAfterTheSolveIsFollowedByTheNext) {
+  const Scene& s = scene();
+  Sink sink;
+  const auto open = [](const std::string&) -> std::unique_ptr<Device> {
+    return std::make_unique<CountingDevice>(std::make_shared<Counts>());
+  };
+  const Place place = [&](std::unique_ptr<Device> device) {
+    std::vector<std::unique_ptr<Device>> devices;
+    devices.push_back(std::move(device));
+    return std::make_unique<Scheduler>(s.room.form_factors, std::move(devices), 3);
+  };
+  int lost = 1, calls = 0;
+  const auto after = [&](Scheduler&) {
+    ++calls;
+    if (lost-- > 0) throw device_error("first", "download", "lost");
+  };
+  const auto run = [&](const std::vector<std::string>& ids, Columns& b) {
+    Candidates candidates(ids, open, &sink);
+    return solve_on(candidates, place, Method::cg, {}, s.room.area, s.light.reflectance, s.light.emittance, b, nullptr,
+                    1.0, after);
+  };
+  Columns b;
+  const FallbackReport report = run({"first", "second"}, b);
+  EXPECT_EQ(calls, 2);
+  EXPECT_TRUE(report.report.converged);
+  EXPECT_EQ(report.devices.back(), "second");
+  ASSERT_EQ(report.failures.size(), 1U);
+  EXPECT_THAT(report.failures.front().reason, HasSubstr("lost"));
+  EXPECT_TRUE(right(b, s.solution, 1e-5));
+  lost = 1;
+  EXPECT_THROW(static_cast<void>(run({"first"}, b)), Error);
+}
+
 }  // namespace
 }  // namespace interflect
