@@ -7,17 +7,13 @@
 
 #include "interflect/base/error.h"
 #include "interflect/device/check.h"
-#include "interflect/formfactor/patch_order.h"
+#include "pipeline.h"
 
 namespace interflect::cli {
 
 Stored::Stored(const FormFactorMatrix& dense, const PatchMesh& mesh, Storage storage, std::uint32_t block)
     : dense_(dense) {
-  if (storage == Storage::dense32) return;
-  PackedMatrix::Options options;
-  options.block = block;
-  if (storage != Storage::dense16) options.order = patch_order(mesh, dense);
-  packed_ = std::make_unique<PackedMatrix>(dense, mesh.area, storage, std::move(options));
+  if (storage != Storage::dense32) packed_ = std::make_unique<PackedMatrix>(pack(dense, mesh, storage, block));
 }
 
 Stored::Stored(const FormFactorMatrix& dense, std::span<const double> area, Storage storage, std::uint32_t block)

@@ -8,7 +8,6 @@
 
 #include "interflect/base/error.h"
 #include "interflect/base/timer.h"
-#include "interflect/formfactor/packed_matrix.h"
 #include "interflect/formfactor/patch_order.h"
 #include "interflect/schedule/storage_choice.h"
 #include "interflect/solver/rounding.h"
@@ -112,6 +111,13 @@ std::vector<Rgb> by_patch(const Columns& columns) {
 
 }  // namespace
 
+PackedMatrix pack(const FormFactorMatrix& matrix, const PatchMesh& mesh, Storage storage, std::uint32_t block) {
+  PackedMatrix::Options options;
+  options.block = block;
+  if (storage != Storage::dense16) options.order = patch_order(mesh, matrix);
+  return {matrix, mesh.area, storage, std::move(options)};
+}
+
 Light light_of(const PatchMesh& mesh) {
   const std::size_t n = mesh.size();
   Light light{Columns(channels, std::vector<float>(n)), Columns(channels, std::vector<float>(n))};
@@ -143,10 +149,7 @@ Solved solve_dense(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
 Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Storage storage,
                     Method method, const StopTest& stop, ProgressSink& progress) {
   const Timer packing;
-  PackedMatrix::Options options;
-  if (storage != Storage::dense16) options.order = patch_order(mesh, matrix);
-  options.block = sym16_block(candidates.info(), matrix.size());
-  const PackedMatrix packed(matrix, mesh.area, storage, std::move(options));
+  const PackedMatrix packed = pack(matrix, mesh, storage, sym16_block(candidates.info(), matrix.size()));
   StorageUse use{storage, packed.bytes(), packed.nonzero_fraction(), {}, packing.seconds()};
   const Light light = light_of(mesh);
   const Place place = [&](std::unique_ptr<Device> device) {

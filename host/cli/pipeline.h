@@ -8,6 +8,7 @@
 
 #include "interflect/device/device.h"
 #include "interflect/formfactor/assembly.h"
+#include "interflect/formfactor/packed_matrix.h"
 #include "interflect/output/output.h"
 #include "interflect/scene/patch_mesh.h"
 #include "interflect/solver/fallback.h"
@@ -48,6 +49,10 @@ struct Light {
   Columns reflectance, emittance;
 };
 [[nodiscard]] Light light_of(const PatchMesh& mesh);
+
+/// F in a 16-bit format: the tiled ones in patch_order(), sym16 with that block. Throws what PackedMatrix throws.
+[[nodiscard]] PackedMatrix pack(const FormFactorMatrix& matrix, const PatchMesh& mesh, Storage storage,
+                                std::uint32_t block);
 
 /// How F was stored for a solve.
 struct StorageUse {
