@@ -9,7 +9,9 @@ using uvec4 = uint4;
 #include "../shared/vectors.h"
 
 // The hierarchy's buffers as parameters and arguments of a function; both end with a comma.
-#define HIERARCHY_PARAMETERS const uvec4 *__restrict__ hierarchy_nodes, const vec4 *__restrict__ hierarchy_leaves,
+#define HIERARCHY_PARAMETERS                                   \
+  [[maybe_unused]] const uvec4 *__restrict__ hierarchy_nodes, \
+      [[maybe_unused]] const vec4 *__restrict__ hierarchy_leaves,
 #define HIERARCHY hierarchy_nodes, hierarchy_leaves,
 #define NODE_WORDS(i) __ldg(hierarchy_nodes + (i))
 #define LEAF_FOUR(i) __ldg(hierarchy_leaves + (i))

@@ -63,7 +63,7 @@ FUNCTION bool leaf_hides(HIERARCHY_PARAMETERS uint leaf, vec3 origin, vec3 d, fl
 }
 
 /// For each of a node's four children: below zero where the ray misses its box.
-FUNCTION vec4 common_length(HIERARCHY_PARAMETERS uint node, vec3 origin, vec3 inverse, float near, float far) {
+FUNCTION vec4 room_in_boxes(HIERARCHY_PARAMETERS uint node, vec3 origin, vec3 inverse, float near, float far) {
   const uvec4 corner = NODE_WORDS(node * 4u);
   const uvec4 low = NODE_WORDS(node * 4u + 1u);
   const uvec4 high = NODE_WORDS(node * 4u + 2u);
@@ -101,12 +101,12 @@ FUNCTION bool occluded(HIERARCHY_PARAMETERS vec3 origin, vec3 direction, float n
     if ((next & LEAF_BIT) != 0u) {
       found = leaf_hides(HIERARCHY next, origin, direction, near, far);
     } else {
-      const vec4 common = common_length(HIERARCHY next, origin, inverse, near, far);
+      const vec4 room = room_in_boxes(HIERARCHY next, origin, inverse, near, far);
       const uvec4 child = NODE_WORDS(next * 4u + 3u);
-      if (common.x >= 0.0f) stack[waiting++] = child.x;
-      if (common.y >= 0.0f) stack[waiting++] = child.y;
-      if (common.z >= 0.0f) stack[waiting++] = child.z;
-      if (common.w >= 0.0f) stack[waiting++] = child.w;
+      if (room.x >= 0.0f) stack[waiting++] = child.x;
+      if (room.y >= 0.0f) stack[waiting++] = child.y;
+      if (room.z >= 0.0f) stack[waiting++] = child.z;
+      if (room.w >= 0.0f) stack[waiting++] = child.w;
     }
     more = !found && waiting > 0u;
     if (more) next = stack[--waiting];
