@@ -78,6 +78,7 @@ class Hierarchy::Builder {
   std::vector<Bounds> boxes_;
   std::vector<Point> middles_;  ///< of the boxes, doubled
   std::vector<std::uint32_t> order_;
+  float largest_ = 0;  ///< coordinate
 };
 
 Hierarchy::Builder::Builder(Hierarchy& out, std::span<const Vec3> vertices,
@@ -92,6 +93,7 @@ Hierarchy::Builder::Builder(Hierarchy& out, std::span<const Vec3> vertices,
       box.add(corners[k]);
     }
     boxes_.push_back(box);
+    largest_ = std::max({largest_, -box.low[0], -box.low[1], -box.low[2], box.high[0], box.high[1], box.high[2]});
     middles_.push_back({box.low[0] + box.high[0], box.low[1] + box.high[1], box.low[2] + box.high[2]});
   }
   std::iota(order_.begin(), order_.end(), 0U);
@@ -240,25 +242,27 @@ std::uint32_t Hierarchy::Builder::leaf(const Range& r) {
   return number | leaf_bit;
 }
 
-/// The children's boxes on the grid of the node, outwards. Differences of floats in double are rounded by 2^-53 of them at
-/// most, far less than what a kernel adds to a box for its own rounding.
+/// The children's boxes on the grid of the node, outwards, larger by what the rounding of a kernel's test of a box can
+/// amount to: at most 54 * 2^-24 of the largest coordinate where the ray starts within four times that, and here twice as
+/// much. Differences of floats in double are rounded by 2^-53 of them at most.
 void Hierarchy::Builder::write_boxes(std::uint32_t number, const Bounds& box, std::span<const Range> parts) {
+  const double wider = 0x1p-17 * static_cast<double>(largest_);
   const std::span words = std::span(out_.nodes_).subspan(std::size_t{number} * node_words, node_words);
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    int exponent = -126;
-    if (box.extent(axis) > 0) exponent = std::max(exponent, std::ilogb(box.extent(axis) / 255.0));
-    while (std::ldexp(255.0, exponent) < box.extent(axis)) ++exponent;
-    const double scale = std::ldexp(1.0, exponent);
-    words[axis] = std::bit_cast<std::uint32_t>(box.low[axis]);
+    const auto corner = static_cast<float>(static_cast<double>(box.low[axis]) - 2 * wider);  // rounded by less than `wider`
+    const double extent = static_cast<double>(box.high[axis]) + wider - static_cast<double>(corner);
+    int exponent = -125;
+    if (extent > 0) exponent = std::max(exponent, std::ilogb(extent / 255.0));
+    while (std::ldexp(255.0, exponent) < extent) ++exponent;
+    const double step = std::ldexp(1.0, exponent);
+    const auto steps = [&](double side) { return (side - static_cast<double>(corner)) / step; };
+    words[axis] = std::bit_cast<std::uint32_t>(corner);
     words[3] |= static_cast<std::uint32_t>(exponent + 127) << (8 * axis);
     for (std::size_t k = 0; k < children; ++k) {
       std::uint32_t low = 255, high = 0;
       if (k < parts.size()) {
-        const double corner = box.low[axis];
-        low = static_cast<std::uint32_t>(
-            std::floor((static_cast<double>(parts[k].box.low[axis]) - corner) / scale));
-        high = static_cast<std::uint32_t>(
-            std::ceil((static_cast<double>(parts[k].box.high[axis]) - corner) / scale));
+        low = static_cast<std::uint32_t>(std::floor(steps(static_cast<double>(parts[k].box.low[axis]) - wider)));
+        high = static_cast<std::uint32_t>(std::ceil(steps(static_cast<double>(parts[k].box.high[axis]) + wider)));
       }
       words[4 + axis] |= low << (8 * k);
       words[8 + axis] |= high << (8 * k);

@@ -18,4 +18,6 @@ using uvec4 = uint4;
 
 FUNCTION float float_of_bits(uint bits) { return __uint_as_float(bits); }
 FUNCTION uint bits_of_float(float value) { return __float_as_uint(value); }
+/// a b - c d, exactly the negative of c d - a b: not contracted.
+FUNCTION float product_difference(float a, float b, float c, float d) { return __fsub_rn(__fmul_rn(a, b), __fmul_rn(c, d)); }
 FUNCTION float square_root(float value) { return sqrtf(value); }

@@ -2,6 +2,10 @@
 // cl/shared.cl and cuda/shared.cuh.
 #include "fours.comp"
 
+#if defined(TEXEL) && defined(SUBGROUPS)
+#extension GL_KHR_shader_subgroup_vote : require
+#endif
+
 #define FUNCTION
 #define STRUCT(name) struct name
 #define TABLE(type, name, size) const type name[size] = type[size](
@@ -21,6 +25,22 @@
 #define larger(a, b) max(a, b)
 #define absolute(x) abs(x)
 #define square_root(x) sqrt(x)
+#define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
+/// a b - c d, exactly the negative of c d - a b: not to be contracted.
+float product_difference(float a, float b, float c, float d) {
+  precise const float difference = a * b - c * d;
+  return difference;
+}
+
+#define PACKET 1
+#define REAL float
+#define LANES bool
+#define FILL_REAL(x) (x)
+#if defined(TEXEL) && defined(SUBGROUPS)
+#define ANY(lanes) subgroupAny(lanes)
+#else
+#define ANY(lanes) (lanes)
+#endif
 
 // A kernel declares the hierarchy's buffers with INPUT_WORDS(binding, hierarchy_nodes) and INPUT_FOURS(binding,
 // hierarchy_leaves) before it includes shared/occluded.h.

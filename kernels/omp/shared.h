@@ -30,6 +30,11 @@ FUNCTION uint bits_of_float(float value) {
   std::memcpy(&bits, &value, sizeof bits);
   return bits;
 }
+/// a b - c d, exactly the negative of c d - a b: not contracted.
+FUNCTION float product_difference(float a, float b, float c, float d) {
+  const float left = a * b, right = c * d;
+  return left - right;
+}
 FUNCTION float square_root(float value) {
   return std::sqrt(value);
 }
