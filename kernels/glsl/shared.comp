@@ -2,10 +2,6 @@
 // cl/shared.cl and cuda/shared.cuh.
 #include "fours.comp"
 
-#if defined(TEXEL) && defined(SUBGROUPS)
-#extension GL_KHR_shader_subgroup_vote : require
-#endif
-
 #define FUNCTION
 #define STRUCT(name) struct name
 #define TABLE(type, name, size) const type name[size] = type[size](
@@ -36,11 +32,7 @@ float product_difference(float a, float b, float c, float d) {
 #define REAL float
 #define LANES bool
 #define FILL_REAL(x) (x)
-#if defined(TEXEL) && defined(SUBGROUPS)
-#define ANY(lanes) subgroupAny(lanes)
-#else
 #define ANY(lanes) (lanes)
-#endif
 
 // A kernel declares the hierarchy's buffers with INPUT_WORDS(binding, hierarchy_nodes) and INPUT_FOURS(binding,
 // hierarchy_leaves) before it includes shared/occluded.h.

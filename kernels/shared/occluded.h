@@ -10,7 +10,7 @@
 // Benthin and Wald 2013).
 
 #define LEAF_BIT 0x80000000u
-#define STACK_SIZE 64u    // three for each level and one: most_levels of host/device/hierarchy.h is 20
+#define STACK_SIZE 20u    // most_levels of host/device/hierarchy.h
 #define NARROWEST 1e-18f  // of a direction's component, so that its reciprocal is finite
 
 /// Rays as they are traced.
@@ -111,54 +111,124 @@ FUNCTION LANES meet_box(Rays r, float cx, float cy, float cz, float hx, float hy
          smaller(smaller(x + wx, y + wy), smaller(z + wz, r.far));
 }
 
+/// Which of a node's children any ray meets, a bit for each.
+FUNCTION uint children_met(HIERARCHY_PARAMETERS uint node, Rays r) {
+  const uvec4 corner = NODE_WORDS(node * 4u);
+  const uvec4 low = NODE_WORDS(node * 4u + 1u);
+  const uvec4 high = NODE_WORDS(node * 4u + 2u);
+  // Half of a step of the grid along each axis.
+  const float x = float_of_bits((corner.w & 255u) << 23) * 0.5f;
+  const float y = float_of_bits(((corner.w >> 8) & 255u) << 23) * 0.5f;
+  const float z = float_of_bits(((corner.w >> 16) & 255u) << 23) * 0.5f;
+  const vec4 x0 = bytes_of(low.x), y0 = bytes_of(low.y), z0 = bytes_of(low.z);
+  const vec4 x1 = bytes_of(high.x), y1 = bytes_of(high.y), z1 = bytes_of(high.z);
+  const vec4 cx = (x1 + x0) * x + float_of_bits(corner.x), hx = (x1 - x0) * x;
+  const vec4 cy = (y1 + y0) * y + float_of_bits(corner.y), hy = (y1 - y0) * y;
+  const vec4 cz = (z1 + z0) * z + float_of_bits(corner.z), hz = (z1 - z0) * z;
+  return (ANY(meet_box(r, cx.x, cy.x, cz.x, hx.x, hy.x, hz.x)) ? 1u : 0u) |
+         (ANY(meet_box(r, cx.y, cy.y, cz.y, hx.y, hy.y, hz.y)) ? 2u : 0u) |
+         (ANY(meet_box(r, cx.z, cy.z, cz.z, hx.z, hy.z, hz.z)) ? 4u : 0u) |
+         (ANY(meet_box(r, cx.w, cy.w, cz.w, hx.w, hy.w, hz.w)) ? 8u : 0u);
+}
+
+/// Which rays meet one of a leaf's triangles.
+FUNCTION LANES meet_leaf(HIERARCHY_PARAMETERS uint leaf, Rays r) {
+  const uint at = leaf * 9u;
+  const vec4 ax = LEAF_FOUR(at), ay = LEAF_FOUR(at + 1u), az = LEAF_FOUR(at + 2u);
+  const vec4 bx = LEAF_FOUR(at + 3u), by = LEAF_FOUR(at + 4u), bz = LEAF_FOUR(at + 5u);
+  const vec4 cx = LEAF_FOUR(at + 6u), cy = LEAF_FOUR(at + 7u), cz = LEAF_FOUR(at + 8u);
+  return meet_triangle(r, ax.x, ay.x, az.x, bx.x, by.x, bz.x, cx.x, cy.x, cz.x) ||
+         meet_triangle(r, ax.y, ay.y, az.y, bx.y, by.y, bz.y, cx.y, cy.y, cz.y) ||
+         meet_triangle(r, ax.z, ay.z, az.z, bx.z, by.z, bz.z, cx.z, cy.z, cz.z) ||
+         meet_triangle(r, ax.w, ay.w, az.w, bx.w, by.w, bz.w, cx.w, cy.w, cz.w);
+}
+
 /// Traces the rays. `far` of those that meet something is then below `near`.
+///
+/// What has still to be visited is a node and bits of its children: (node << 4) | bits, on the stack one for each level.
+/// The inner loop goes down to a leaf, so that invocations that run in step reach their leaves together.
 FUNCTION Rays trace(HIERARCHY_PARAMETERS Rays r) {
   uint stack[STACK_SIZE];
   uint waiting = 0u;
-  uint next = 0u;  // the root
-  bool more = ANY(r.far > r.near);
+  uint node = 0u;  // the root
+  uint bits = children_met(HIERARCHY node, r);
+  bool more = true;
   while (more) {
-    if ((next & LEAF_BIT) != 0u) {
-      const uint at = (next & ~LEAF_BIT) * 9u;
-      const vec4 ax = LEAF_FOUR(at), ay = LEAF_FOUR(at + 1u), az = LEAF_FOUR(at + 2u);
-      const vec4 bx = LEAF_FOUR(at + 3u), by = LEAF_FOUR(at + 4u), bz = LEAF_FOUR(at + 5u);
-      const vec4 cx = LEAF_FOUR(at + 6u), cy = LEAF_FOUR(at + 7u), cz = LEAF_FOUR(at + 8u);
-      const LANES hit = meet_triangle(r, ax.x, ay.x, az.x, bx.x, by.x, bz.x, cx.x, cy.x, cz.x) ||
-                        meet_triangle(r, ax.y, ay.y, az.y, bx.y, by.y, bz.y, cx.y, cy.y, cz.y) ||
-                        meet_triangle(r, ax.z, ay.z, az.z, bx.z, by.z, bz.z, cx.z, cy.z, cz.z) ||
-                        meet_triangle(r, ax.w, ay.w, az.w, bx.w, by.w, bz.w, cx.w, cy.w, cz.w);
-      r.far = hit ? r.near - 1.0f : r.far;
-    } else {
-      const uvec4 corner = NODE_WORDS(next * 4u);
-      const uvec4 low = NODE_WORDS(next * 4u + 1u);
-      const uvec4 high = NODE_WORDS(next * 4u + 2u);
-      const uvec4 child = NODE_WORDS(next * 4u + 3u);
-      // Half of a step of the grid along each axis.
-      const float x = float_of_bits((corner.w & 255u) << 23) * 0.5f;
-      const float y = float_of_bits(((corner.w >> 8) & 255u) << 23) * 0.5f;
-      const float z = float_of_bits(((corner.w >> 16) & 255u) << 23) * 0.5f;
-      const vec4 x0 = bytes_of(low.x), y0 = bytes_of(low.y), z0 = bytes_of(low.z);
-      const vec4 x1 = bytes_of(high.x), y1 = bytes_of(high.y), z1 = bytes_of(high.z);
-      const vec4 cx = (x1 + x0) * x + float_of_bits(corner.x), hx = (x1 - x0) * x;
-      const vec4 cy = (y1 + y0) * y + float_of_bits(corner.y), hy = (y1 - y0) * y;
-      const vec4 cz = (z1 + z0) * z + float_of_bits(corner.z), hz = (z1 - z0) * z;
-      if (ANY(meet_box(r, cx.x, cy.x, cz.x, hx.x, hy.x, hz.x))) stack[waiting++] = child.x;
-      if (ANY(meet_box(r, cx.y, cy.y, cz.y, hx.y, hy.y, hz.y))) stack[waiting++] = child.y;
-      if (ANY(meet_box(r, cx.z, cy.z, cz.z, hx.z, hy.z, hz.z))) stack[waiting++] = child.z;
-      if (ANY(meet_box(r, cx.w, cy.w, cz.w, hx.w, hy.w, hz.w))) stack[waiting++] = child.w;
+    uint child = 0u;
+    while (more && (child & LEAF_BIT) == 0u) {
+      if (bits == 0u) {
+        more = waiting > 0u;
+        if (more) {
+          bits = stack[--waiting];
+          node = bits >> 4;
+          bits &= 15u;
+        }
+      }
+      if (more) {
+        const uvec4 all = NODE_WORDS(node * 4u + 3u);
+        child = (bits & 8u) != 0u ? all.w : (bits & 4u) != 0u ? all.z : (bits & 2u) != 0u ? all.y : all.x;
+        bits &= (bits & 8u) != 0u ? 7u : (bits & 4u) != 0u ? 3u : (bits & 2u) != 0u ? 1u : 0u;
+        if ((child & LEAF_BIT) == 0u) {
+          if (bits != 0u) stack[waiting++] = (node << 4) | bits;
+          node = child;
+          bits = children_met(HIERARCHY node, r);
+        }
+      }
     }
-    more = waiting > 0u && ANY(r.far > r.near);
-    if (more) next = stack[--waiting];
+    if (more) {
+      r.far = meet_leaf(HIERARCHY child & ~LEAF_BIT, r) ? FILL_REAL(-1.0f) : r.far;
+      more = ANY(r.far > r.near);
+    }
   }
   return r;
 }
 
 #if PACKET == 1
-/// Whether a triangle lies at origin + t direction, near < t < far; nothing does where far <= near. The invocations of a
-/// group may call it together or apart; together is faster on processors.
+
+/// Whether a triangle lies at origin + t direction, near < t < far, with 0 <= near; nothing does where far <= near.
 FUNCTION bool occluded(HIERARCHY_PARAMETERS vec3 origin, vec3 direction, float near, float far) {
-  if (far <= near) return false;
-  const Rays r = trace(HIERARCHY make_rays(origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, near, far));
-  return r.far < near;
+  const Rays r =
+      trace(HIERARCHY make_rays(origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, near, far));
+  return r.far < near && near < far;
 }
+
 #endif
+
+/// Up to PACKET rays that an invocation traces at once: PUT_RAY for each k below PACKET, PUT_NO_RAY where there is none.
+STRUCT(RayBatch) {
+  float origin_x[PACKET], origin_y[PACKET], origin_z[PACKET], near[PACKET];
+  float direction_x[PACKET], direction_y[PACKET], direction_z[PACKET], far[PACKET];
+};
+#define PUT_RAY(batch, k, from, nearest, along, farthest) \
+  {                                                       \
+    batch.origin_x[k] = (from).x;                         \
+    batch.origin_y[k] = (from).y;                         \
+    batch.origin_z[k] = (from).z;                         \
+    batch.near[k] = nearest;                              \
+    batch.direction_x[k] = (along).x;                     \
+    batch.direction_y[k] = (along).y;                     \
+    batch.direction_z[k] = (along).z;                     \
+    batch.far[k] = farthest;                              \
+  }
+#define PUT_NO_RAY(batch, k) PUT_RAY(batch, k, VEC3(0.0f, 0.0f, 0.0f), 0.0f, VEC3(1.0f, 1.0f, 1.0f), -1.0f)
+
+/// Bit k: whether a triangle lies on ray k of the batch, as occluded() says it.
+FUNCTION uint occluded_batch(HIERARCHY_PARAMETERS RayBatch batch) {
+#if PACKET == 1
+  return occluded(HIERARCHY VEC3(batch.origin_x[0], batch.origin_y[0], batch.origin_z[0]),
+                  VEC3(batch.direction_x[0], batch.direction_y[0], batch.direction_z[0]), batch.near[0], batch.far[0])
+             ? 1u
+             : 0u;
+#else
+  const Rays r = trace(HIERARCHY make_rays(LOAD_REAL(batch.origin_x), LOAD_REAL(batch.origin_y), LOAD_REAL(batch.origin_z),
+                                           LOAD_REAL(batch.direction_x), LOAD_REAL(batch.direction_y),
+                                           LOAD_REAL(batch.direction_z), LOAD_REAL(batch.near), LOAD_REAL(batch.far)));
+  float far[PACKET];
+  STORE_REAL(r.far, far);
+  uint found = 0u;
+  for (uint k = 0u; k < PACKET; ++k) {
+    if (far[k] < batch.near[k] && batch.near[k] < batch.far[k]) found |= 1u << k;
+  }
+  return found;
+#endif
+}
