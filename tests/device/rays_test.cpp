@@ -148,7 +148,9 @@ void expect_sound(const Mesh& mesh, const std::string& name) {
 TEST(HierarchyOfTriangles, EveryTriangleIsInOneLeafAndInTheBoxesAboveIt) {
   for (const std::size_t count : {1U, 2U, 3U, 4U, 5U, 16U, 17U, 1000U}) expect_sound(soup(count), "soup");
   expect_sound(identical(10000), "identical");
-  expect_sound(shrinking(1100), "shrinking");
+  const Mesh deep = shrinking(1100);
+  expect_sound(deep, "shrinking");
+  EXPECT_EQ(Hierarchy(deep.vertices, deep.triangles).levels(), Hierarchy::most_levels) << "the limit is never reached";
 }
 
 TEST(HierarchyOfTriangles, IsTheSameEveryTimeAndShallow) {
