@@ -33,6 +33,7 @@ class VulkanRays : public testing::TestWithParam<const char*> {
 
  private:
   std::uint32_t index_ = 0;
+  test::Variable validation_{"INTERFLECT_VULKAN_VALIDATION", "1"};
   test::Variable shape_{"INTERFLECT_VULKAN_SHAPE", GetParam()};
 };
 INSTANTIATE_TEST_SUITE_P(Shape, VulkanRays, testing::Values("cpu", "gpu"),
