@@ -90,4 +90,12 @@ struct StreamArguments {
   std::uint32_t lines = 0;
 };
 
+/// shadow_rays: hidden[i] = 1 where a triangle lies on ray i, else 0. Buffers: a hierarchy's nodes and leaves
+/// (hierarchy.h), rays of 8 floats (origin, near, direction, far), hidden.
+struct ShadowRayArguments {
+  std::uint32_t rays = 0;
+  std::uint32_t nodes = 0;   ///< of the hierarchy, at least 1
+  std::uint32_t leaves = 0;  ///< of the hierarchy, at least 1
+};
+
 }  // namespace interflect

@@ -115,6 +115,14 @@ BufferSizes sym16_fold_needs(const LaunchShape& launch) {
   return {partial_floats(block_rows, a.columns, block), sizes[1], sizes[2]};
 }
 
+BufferSizes shadow_rays_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<ShadowRayArguments>();
+  demand(a.rays > 0 && a.nodes > 0 && a.leaves > 0, "no rays, or no hierarchy");
+  demand(a.nodes <= largest_hierarchy && a.leaves <= largest_hierarchy, "more than 134217728 nodes or leaves");
+  demand(ceil_div(a.rays, launch.groups) <= rays_for_a_group, "more than 128 rays for a work-group");
+  return {std::uint64_t{a.nodes} * 16, std::uint64_t{a.leaves} * 36, std::uint64_t{a.rays} * 8, a.rays};
+}
+
 }  // namespace
 
 std::span<const KernelLine> kernel_table() {
@@ -147,6 +155,7 @@ std::span<const KernelLine> kernel_table() {
        &sym16_needs},
       {"sym16_fold", "sym16", "rrw", vectors, {}, &sym16_fold_needs},
       {"scale", "scale", "rrw", vectors, {}, &scale_needs},
+      {"shadow_rays", "shadow_rays", "rrrw", sizeof(ShadowRayArguments), {}, &shadow_rays_needs},
       {"dot", "reduce", "rrw", vectors, {}, &set_needs<2>},
       {"reduce", "reduce", "w", vectors, {}, &set_needs<0>},
       {"axpby", "axpby", "rwr", vectors, {}, &vector_needs<2>},
