@@ -9,6 +9,7 @@ Function find_function(std::string_view name) {
       {"copy", &copy},
       {"read", &read},
       {"matvec", &matvec},
+      {"shadow_rays", &shadow_rays},
       {"scale", &scale},
       {"tiles16", &tiles16},
       {"sym16", &sym16},

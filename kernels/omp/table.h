@@ -35,6 +35,8 @@ void copy(const Launch& launch);
 void matvec(const Launch& launch);
 void read(const Launch& launch);
 
+void shadow_rays(const Launch& launch);
+
 void scale(const Launch& launch);
 void tiles16(const Launch& launch);
 void sym16(const Launch& launch);
