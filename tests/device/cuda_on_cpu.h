@@ -115,6 +115,22 @@ template <class T>
 void __stcs(T* to, T value) {
   *to = value;
 }
+inline float __fmul_rn(float a, float b) {
+  return a * b;
+}
+inline float __fsub_rn(float a, float b) {
+  return a - b;
+}
+inline float __uint_as_float(unsigned bits) {
+  float value = 0;
+  std::memcpy(&value, &bits, sizeof value);
+  return value;
+}
+inline unsigned __float_as_uint(float value) {
+  unsigned bits = 0;
+  std::memcpy(&bits, &value, sizeof bits);
+  return bits;
+}
 inline void __syncthreads() {
   interflect::cuda_on_cpu::block_barrier();
 }
