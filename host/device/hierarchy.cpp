@@ -194,7 +194,7 @@ std::vector<Hierarchy::Builder::Range> Hierarchy::Builder::parts_of(const Range&
   std::vector<Range> parts{whole};
   while (parts.size() < children) {
     auto chosen = parts.end();
-    const auto rank = [&](const Range& r) { return tight ? static_cast<double>(r.size()) : r.box.area(); };
+    const auto rank = [&](const Range& r) { return std::pair(tight ? 0.0 : r.box.area(), r.size()); };
     for (auto p = parts.begin(); p != parts.end(); ++p) {
       if (p->size() > in_leaf && (chosen == parts.end() || rank(*p) > rank(*chosen))) chosen = p;
     }

@@ -152,7 +152,7 @@ FUNCTION Rays trace(HIERARCHY_PARAMETERS Rays r) {
   uint waiting = 0u;
   uint node = 0u;  // the root
   uint bits = children_met(HIERARCHY node, r);
-  bool more = true;
+  bool more = ANY(r.far > r.near);
   while (more) {
     uint child = 0u;
     while (more && (child & LEAF_BIT) == 0u) {

@@ -148,7 +148,9 @@ void expect_sound(const Mesh& mesh, const std::string& name) {
 TEST(HierarchyOfTriangles, EveryTriangleIsInOneLeafAndInTheBoxesAboveIt) {
   for (const std::size_t count : {1U, 2U, 3U, 4U, 5U, 16U, 17U, 1000U}) expect_sound(soup(count), "soup");
   expect_sound(identical(10000), "identical");
-  expect_sound(shrinking(1100), "shrinking");
+  const Mesh deep = shrinking(1100);
+  expect_sound(deep, "shrinking");
+  EXPECT_EQ(Hierarchy(deep.vertices, deep.triangles).levels(), Hierarchy::most_levels) << "the limit is never reached";
 }
 
 TEST(HierarchyOfTriangles, IsTheSameEveryTimeAndShallow) {
@@ -172,7 +174,7 @@ TEST(ShadowRays, OpenMPAgreesWithTheReference) {
   const auto device = open_device("openmp");
   std::vector<KernelCheck> rows;
   check::check_rays(*device, rows, {.max_size = sanitized ? 300 : every_size});
-  EXPECT_GE(rows.size(), sanitized ? 14U : 23U);
+  EXPECT_GE(rows.size(), sanitized ? 14U : 22U);
   for (const KernelCheck& row : rows) EXPECT_EQ(row.status, CheckStatus::pass) << describe(row);
 }
 
@@ -180,8 +182,11 @@ TEST(ShadowRays, ALaunchThatCannotRunIsRefused) {
   const auto device = open_device("openmp");
   const auto kernel = device->kernel("shadow_rays", {});
   const auto launch = [&](ShadowRayArguments a, std::uint32_t groups, std::size_t ray_floats) {
+    // A root without triangles, so that a launch that is not refused ends.
+    const Hierarchy hierarchy({}, {});
     const auto nodes = device->allocate(64), leaves = device->allocate(144), rays = device->allocate(4 * ray_floats),
                hidden = device->allocate(4 * 256);
+    device->queue().upload(*nodes, 0, std::as_bytes(hierarchy.nodes()));
     Buffer* const buffers[] = {nodes.get(), leaves.get(), rays.get(), hidden.get()};
     device->queue().launch(*kernel, groups, buffers, std::as_bytes(std::span(&a, 1)), "Test");
   };
@@ -267,7 +272,7 @@ TEST(CudaRays, AgreeWithTheReference) {
   test::CudaOnCpu device;
   std::vector<KernelCheck> rows;
   check::check_rays(device, rows, {.max_size = sanitized ? 65 : every_size});
-  EXPECT_GE(rows.size(), sanitized ? 10U : 23U);
+  EXPECT_GE(rows.size(), sanitized ? 10U : 22U);
   for (const KernelCheck& row : rows) EXPECT_EQ(row.status, CheckStatus::pass) << describe(row);
   cuda_on_cpu::use_order(cuda_on_cpu::Order::forwards);
 }

@@ -1,0 +1,65 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "device/kernel_folder.h"
+#include "interflect/device/check_tools.h"
+#include "interflect/device/vulkan/vulkan.h"
+
+// The Vulkan shadow rays in every shape, and broken ones.
+
+namespace interflect {
+namespace {
+
+class VulkanRays : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    std::string why;
+    for (const DeviceEntry& entry : vulkan::list_devices()) {
+      if (entry.available) return;
+      why = entry.reason;
+      ++index_;
+    }
+    GTEST_SKIP() << "no Vulkan device: " << why;
+  }
+  [[nodiscard]] std::vector<KernelCheck> check(std::uint64_t max_size) const {
+    std::vector<KernelCheck> rows;
+    check::check_rays(*vulkan::open_device(index_), rows, {.max_size = max_size});
+    return rows;
+  }
+
+ private:
+  std::uint32_t index_ = 0;
+  test::Variable validation_{"INTERFLECT_VULKAN_VALIDATION", "1"};
+  test::Variable shape_{"INTERFLECT_VULKAN_SHAPE", GetParam()};
+};
+INSTANTIATE_TEST_SUITE_P(Shape, VulkanRays, testing::Values("cpu", "gpu"),
+                         [](const auto& shape) { return std::string(shape.param); });
+
+TEST_P(VulkanRays, AgreeWithTheReference) {
+  const test::FreshCache cache;
+  const std::vector<KernelCheck> rows = check(every_size);
+  EXPECT_GE(rows.size(), 22U);
+  for (const KernelCheck& row : rows) EXPECT_EQ(row.status, CheckStatus::pass) << row.parameters << " " << row.reason;
+}
+
+TEST_P(VulkanRays, BrokenOnesFail) {
+  struct Defect {
+    const char *from, *to;
+  };
+  for (const Defect d : {Defect{"y - wy), larger(z - wz", "y), larger(z - wz"},
+                         Defect{"area * r.far - along", "area * 100.0f - along"},
+                         Defect{"az.w, bx.w, by.w, bz.w, cx.w, cy.w, cz.w)", "az.x, bx.x, by.x, bz.x, cx.x, cy.x, cz.x)"}}) {
+    test::KernelFolder folder;
+    folder.replace("shared/occluded.h", d.from, d.to);
+    const std::vector<KernelCheck> rows = check(300);
+    EXPECT_TRUE(std::any_of(rows.begin(), rows.end(), [](const auto& r) { return r.status == CheckStatus::fail; }))
+        << d.to;
+  }
+}
+
+}  // namespace
+}  // namespace interflect
