@@ -131,6 +131,12 @@ inline unsigned __float_as_uint(float value) {
   std::memcpy(&bits, &value, sizeof bits);
   return bits;
 }
+/// Threads are fibers of one thread.
+inline unsigned atomicAdd(unsigned* to, unsigned value) {
+  const unsigned before = *to;
+  *to += value;
+  return before;
+}
 inline void __syncthreads() {
   interflect::cuda_on_cpu::block_barrier();
 }
