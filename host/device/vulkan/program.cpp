@@ -16,7 +16,9 @@ vk::Format texels_of(std::string_view kernel, std::size_t buffer) {
     return buffer < 2 ? words : buffer == 2 || kernel == "sym16" ? fours : vk::Format::eUndefined;
   }
   const bool reads =
-      kernel == "matvec" ? buffer < 2 : (kernel == "read" || kernel == "copy" || kernel == "sym16_fold") && buffer == 0;
+      kernel == "matvec" || kernel == "matvec_exact"
+          ? buffer < 2
+          : (kernel == "read" || kernel == "copy" || kernel == "sym16_fold") && buffer == 0;
   return reads ? fours : vk::Format::eUndefined;
 }
 
