@@ -138,11 +138,56 @@ BufferSizes sym16_fold_needs(const LaunchShape& launch) {
   return {partial_floats(block_rows, a.columns, block), sizes[1], sizes[2]};
 }
 
+BufferSizes shadow_rays_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<ShadowRayArguments>();
+  demand(a.rays > 0 && a.nodes > 0 && a.leaves > 0, "no rays, or no hierarchy");
+  demand(a.nodes <= largest_hierarchy && a.leaves <= largest_hierarchy, "more than 134217728 nodes or leaves");
+  demand(ceil_div(a.rays, launch.groups) <= rays_for_a_group, "more than 512 rays for a work-group");
+  return {std::uint64_t{a.nodes} * 16, std::uint64_t{a.leaves} * 36, std::uint64_t{a.rays} * 8, a.rays};
+}
+
+/// Items of an assembly kernel; throws where the launch does not do all of them.
+enum class Item { column, listed, pair, ray, piece, row };
+template <Item Of>
+BufferSizes assembly_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<AssemblyArguments>();
+  demand(a.n > 0 && a.n <= largest_n && a.tiles > 0, "no patches or no tiles");
+  demand(a.items > 0, "no items");
+  demand(a.tiles <= 0x7FFFFFFFU / (assembly::sections * assembly::tile_pairs), "too many tiles for a batch");
+  const std::uint64_t pairs = std::uint64_t{a.tiles} * assembly::tile_pairs, end = std::uint64_t{a.first} + a.items;
+  const std::uint64_t all = Of == Item::column || Of == Item::row ? pairs / assembly::block
+                            : Of == Item::piece                   ? std::uint64_t{a.cuts} * assembly::cut_pieces
+                            : Of == Item::ray && a.option != 0    ? a.chunks
+                                                                  : pairs;
+  demand(end <= all, "items behind the last one");
+  demand(Of != Item::listed || a.option < 3, "no such list");
+  return {ceil_div(a.n, assembly::block) * assembly::block * assembly::patch_words,
+          std::uint64_t{a.tiles} * assembly::tile_words, assembly::work_words(a.tiles),
+          assembly::extra_words(a.chunks, a.cuts)};
+}
+
+BufferSizes tile_rays_needs(const LaunchShape& launch) {
+  BufferSizes sizes = assembly_needs<Item::ray>(launch);
+  sizes[4] = 16;  // a hierarchy has a node and a leaf at least
+  sizes[5] = 36;
+  return sizes;
+}
+
+BufferSizes tile_store_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<AssemblyArguments>();
+  demand(a.panel_rows > 0 && std::uint64_t{a.panel_first} + a.panel_rows <= a.n, "the panel's rows do not lie in S");
+  demand(a.panel_stride % 16 == 0 && a.panel_stride >= a.n, "the stride is no multiple of 16, or too small");
+  BufferSizes sizes = assembly_needs<Item::pair>(launch);
+  sizes[4] = std::uint64_t{a.panel_rows} * a.panel_stride;
+  return sizes;
+}
+
 }  // namespace
 
 std::span<const KernelLine> kernel_table() {
   constexpr std::size_t stream = sizeof(StreamArguments);
   constexpr std::size_t vectors = sizeof(VectorArguments);
+  constexpr std::size_t tiles = sizeof(AssemblyArguments);
   static const std::vector<KernelLine> lines = {
       {"copy", "copy", "rw", stream, {}, &copy_needs},
       {"read", "read", "rw", stream, {{"STREAMS", 1, 8, 0}}, &read_needs},
@@ -172,6 +217,16 @@ std::span<const KernelLine> kernel_table() {
        &sym16_needs},
       {"sym16_fold", "sym16", "rrw", vectors, {}, &sym16_fold_needs},
       {"scale", "scale", "rrw", vectors, {}, &scale_needs},
+      {"shadow_rays", "shadow_rays", "rrrw", sizeof(ShadowRayArguments), {}, &shadow_rays_needs},
+      {"tile_kinds", "assembly", "rrww", tiles, {}, &assembly_needs<Item::column>},
+      {"tile_special", "assembly", "rrww", tiles, {}, &assembly_needs<Item::listed>},
+      {"tile_pilot", "assembly", "rrww", tiles, {}, &assembly_needs<Item::pair>},
+      {"tile_rays", "assembly", "rrwwrr", tiles, {}, &tile_rays_needs},
+      {"tile_shares", "assembly", "rrww", tiles, {}, &assembly_needs<Item::pair>},
+      {"tile_mixed", "assembly", "rrww", tiles, {}, &assembly_needs<Item::pair>},
+      {"tile_pieces", "assembly", "rrww", tiles, {}, &assembly_needs<Item::piece>},
+      {"tile_finish", "assembly", "rrww", tiles, {}, &assembly_needs<Item::row>},
+      {"tile_store", "assembly", "rrwww", tiles, {}, &tile_store_needs},
       {"dot", "reduce", "rrw", vectors, {}, &set_needs<2>},
       {"reduce", "reduce", "w", vectors, {}, &set_needs<0>},
       {"axpby", "axpby", "rwr", vectors, {}, &vector_needs<2>},
