@@ -25,13 +25,16 @@ typedef struct {
 #include "../shared/tiles.h"
 
 #define ENTRY(name) kernel __attribute__((reqd_work_group_size(WORKGROUP, 1, 1))) void interflect_##name
-#define FOR_EACH_ITEM                                                                              \
-  const uint share = (uint)((args.items + get_num_groups(0) - 1) / get_num_groups(0));             \
-  const uint begin = (uint)get_group_id(0) * share, end = min(args.items, begin + share);          \
-  for (uint item = args.first + begin + (uint)get_local_id(0); item < args.first + end; item += WORKGROUP)
-#define STEP(name)                                                \
-  ENTRY(name)(TILE_BUFFERS const AssemblyArguments args) {        \
-    FOR_EACH_ITEM name##_item(TILE item);            \
+#define ITEMS_OF_GROUP                                                                    \
+  const uint share = (uint)((args.items + get_num_groups(0) - 1) / get_num_groups(0));    \
+  const uint begin = args.first + min(args.items, (uint)get_group_id(0) * share);         \
+  const uint end = min(args.first + args.items, begin + share);
+#define FOR_EACH_ITEM \
+  ITEMS_OF_GROUP      \
+  for (uint item = begin + (uint)get_local_id(0); item < end; item += WORKGROUP)
+#define STEP(name)                                         \
+  ENTRY(name)(TILE_BUFFERS const AssemblyArguments args) { \
+    FOR_EACH_ITEM name##_item(TILE item);                  \
   }
 
 STEP(tile_kinds)
@@ -43,7 +46,12 @@ STEP(tile_pieces)
 STEP(tile_finish)
 
 ENTRY(tile_rays)(TILE_BUFFERS HIERARCHY_PARAMETERS const AssemblyArguments args) {
+#if PACKET == 1
   FOR_EACH_ITEM tile_rays_item(HIERARCHY TILE item);
+#else
+  ITEMS_OF_GROUP
+  tile_rays_items(HIERARCHY TILE begin, end);
+#endif
 }
 
 ENTRY(tile_store)(TILE_BUFFERS PANEL_PARAMETERS const AssemblyArguments args) {

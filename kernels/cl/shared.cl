@@ -25,6 +25,45 @@
 #define absolute(x) fabs(x)
 #define square_root(x) sqrt(x)
 
+#pragma OPENCL FP_CONTRACT OFF  // what product_difference() needs
+#ifdef FP_FAST_FMAF
+#define MULTIPLY_ADD(a, b, c) fma(a, b, c)
+#else
+#define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
+#endif
+#define product_difference(a, b, c, d) ((a) * (b) - (c) * (d))
+
+// On processors an invocation traces PACKET rays at once.
+#if WORKGROUP > 1
+#define PACKET 1
+#define REAL float
+#define LANES bool
+#define FILL_REAL(x) (x)
+#define ANY(lanes) (lanes)
+#else
+#ifndef PACKET
+#define PACKET WIDTH
+#endif
+#if PACKET == 16
+#define REAL float16
+#define LANES int16
+#define LOAD_REAL(from) vload16(0, from)
+#define STORE_REAL(value, to) vstore16(value, 0, to)
+#elif PACKET == 8
+#define REAL float8
+#define LANES int8
+#define LOAD_REAL(from) vload8(0, from)
+#define STORE_REAL(value, to) vstore8(value, 0, to)
+#else
+#define REAL float4
+#define LANES int4
+#define LOAD_REAL(from) vload4(0, from)
+#define STORE_REAL(value, to) vstore4(value, 0, to)
+#endif
+#define FILL_REAL(x) ((REAL)(x))
+#define ANY(lanes) any(lanes)
+#endif
+
 // The hierarchy's buffers as parameters and arguments of a function; both end with a comma.
 #define HIERARCHY_PARAMETERS global const uint4 *hierarchy_nodes, global const float4 *hierarchy_leaves,
 #define HIERARCHY hierarchy_nodes, hierarchy_leaves,

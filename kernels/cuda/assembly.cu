@@ -28,10 +28,11 @@ struct AssemblyArguments {
 #include "../shared/tiles.h"
 
 #define ENTRY(name) extern "C" __global__ void __launch_bounds__(WORKGROUP) name
-#define FOR_EACH_ITEM                                                                 \
-  const uint share = (args.items + gridDim.x - 1) / gridDim.x;                        \
-  const uint begin = blockIdx.x * share, end = smaller(args.items, begin + share);    \
-  for (uint item = args.first + begin + threadIdx.x; item < args.first + end; item += WORKGROUP)
+#define FOR_EACH_ITEM                                                              \
+  const uint share = (args.items + gridDim.x - 1) / gridDim.x;                     \
+  const uint begin = args.first + smaller(args.items, blockIdx.x * share);         \
+  const uint end = smaller(args.first + args.items, begin + share);                \
+  for (uint item = begin + threadIdx.x; item < end; item += WORKGROUP)
 
 ENTRY(tile_kinds)(TILE_BUFFERS const AssemblyArguments args) {
   FOR_EACH_ITEM tile_kinds_item(TILE item);

@@ -72,7 +72,7 @@ layout(set = 0, binding = 4, std430) restrict buffer Panel { float panel[]; };
 
 void main() {
   const uint share = (args.items + gl_NumWorkGroups.y - 1u) / gl_NumWorkGroups.y;
-  const uint begin = args.first + gl_WorkGroupID.y * share;
+  const uint begin = args.first + min(args.items, gl_WorkGroupID.y * share);
   const uint end = min(args.first + args.items, begin + share);
   for (uint item = begin + gl_LocalInvocationIndex; item < end; item += WORKGROUP) {
     ITEM(item);

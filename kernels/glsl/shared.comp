@@ -21,6 +21,18 @@
 #define larger(a, b) max(a, b)
 #define absolute(x) abs(x)
 #define square_root(x) sqrt(x)
+#define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
+/// a b - c d, exactly the negative of c d - a b: not to be contracted.
+float product_difference(float a, float b, float c, float d) {
+  precise const float difference = a * b - c * d;
+  return difference;
+}
+
+#define PACKET 1
+#define REAL float
+#define LANES bool
+#define FILL_REAL(x) (x)
+#define ANY(lanes) (lanes)
 
 // A kernel declares the hierarchy's buffers with INPUT_WORDS(binding, hierarchy_nodes) and INPUT_FOURS(binding,
 // hierarchy_leaves) before it includes shared/occluded.h.

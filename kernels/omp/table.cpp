@@ -11,6 +11,7 @@ Function find_function(std::string_view name) {
       {"matvec", &matvec},
       {"matvec_exact", &matvec_exact},
       {"close_rows", &close_rows},
+      {"shadow_rays", &shadow_rays},
       {"scale", &scale},
       {"tiles16", &tiles16},
       {"sym16", &sym16},

@@ -37,6 +37,8 @@ void read(const Launch& launch);
 void matvec_exact(const Launch& launch);
 void close_rows(const Launch& launch);
 
+void shadow_rays(const Launch& launch);
+
 void scale(const Launch& launch);
 void tiles16(const Launch& launch);
 void sym16(const Launch& launch);

@@ -97,12 +97,17 @@ STRUCT(RaySums) {
   uint traced;
 };
 
-/// The sums over consecutive chunks.
-FUNCTION RaySums sums_of_chunks(TILE_PARAMETERS uint first, uint count) {
+FUNCTION RaySums no_rays() {
   RaySums sums;
   sums.hidden = 0.0f;
   sums.total = 0.0f;
   sums.traced = 0u;
+  return sums;
+}
+
+/// The sums over consecutive chunks.
+FUNCTION RaySums sums_of_chunks(TILE_PARAMETERS uint first, uint count) {
+  RaySums sums = no_rays();
   for (uint k = 0u; k < count; ++k) {
     const uint at = chunk_at(first + k);
     sums.hidden += float_of_bits(extra[at + 3u]);

@@ -40,9 +40,16 @@ FUNCTION vec3 point_on(Facet facet, uint su, uint sv) {
   return facet.corner + x * (in_first ? facet.edge0 : facet.edge1) + y * (in_first ? facet.edge1 : facet.edge2);
 }
 
-/// Rays number first .. first + count - 1 of a pair, or of piece 1, 2, ... of a pair that is cut.
-FUNCTION RaySums rays_between(HIERARCHY_PARAMETERS TILE_PARAMETERS uint i, uint j, uint kind, uint first, uint count,
-                              uint piece) {
+/// What the rays of a pair have in common.
+STRUCT(RaySource) {
+  Facet from, to;
+  vec3 hi, lo, between, normal_from, normal_to;
+  uint from_u, from_v, to_u, to_v;
+  bool weighted;
+};
+
+/// Of a pair, or of piece 1, 2, ... of a pair that is cut.
+FUNCTION RaySource source_of(TILE_PARAMETERS uint i, uint j, uint kind, uint piece) {
   const Patch x = patch_at(TILE i), y = patch_at(TILE j);
   const vec3 d = centroids_between(x, y);
   Polygon a = visible_part(x, y, -d, kind), b = visible_part(y, x, d, kind);
@@ -51,47 +58,153 @@ FUNCTION RaySums rays_between(HIERARCHY_PARAMETERS TILE_PARAMETERS uint i, uint 
     a = quarter_of(fan_of(a, ka / 4u), ka % 4u);
     b = quarter_of(fan_of(b, kb / 4u), kb % 4u);
   }
-  const Facet from = facet_of(a), to = facet_of(b);
   const uvec4 word_i = PATCH_WORDS(i * 8u + 6u), word_j = PATCH_WORDS(j * 8u + 6u);
-  const uint from_u = word_i.x + j * STEP_U + piece * PIECE_U, from_v = word_i.y + j * STEP_V + piece * PIECE_V;
-  const uint to_u = word_j.z + i * STEP_U + piece * PIECE_U, to_v = word_j.w + i * STEP_V + piece * PIECE_V;
-  RaySums sums;
-  sums.hidden = 0.0f;
-  sums.total = 0.0f;
-  sums.traced = 0u;
-  for (uint k = first; k < first + count; ++k) {
-    const vec3 p = point_on(from, from_u + k * 3679390609u, from_v + k * 3152041523u);
-    const vec3 q = point_on(to, to_u + k * 2700274807u, to_v + k * 2313257605u);
-    const vec3 between = d + (q - p);
-    const float over_x = dot3(x.normal, between), over_y = -dot3(y.normal, between);
-    if (!(over_x > 0.0f && over_y > 0.0f)) continue;  // on the other's plane, to rounding: no weight
-    const vec3 start = smaller(args.lift, 0.25f * over_x) * x.normal, end = smaller(args.lift, 0.25f * over_y) * y.normal;
-    const vec3 origin = x.hi + (x.lo + (p + start)), direction = between + (end - start);
-    const float r2 = dot3(between, between);
-    const float weight = kind == FAR ? 1.0f : (over_x / r2) * (over_y / r2);
-    ++sums.traced;
-    sums.total += weight;
-    if (occluded(HIERARCHY origin, direction, 0.0f, 1.0f)) sums.hidden += weight;
-  }
-  return sums;
+  RaySource source;
+  source.from = facet_of(a);
+  source.to = facet_of(b);
+  source.hi = x.hi;
+  source.lo = x.lo;
+  source.between = d;
+  source.normal_from = x.normal;
+  source.normal_to = y.normal;
+  source.from_u = word_i.x + j * STEP_U + piece * PIECE_U;
+  source.from_v = word_i.y + j * STEP_V + piece * PIECE_V;
+  source.to_u = word_j.z + i * STEP_U + piece * PIECE_U;
+  source.to_v = word_j.w + i * STEP_V + piece * PIECE_V;
+  source.weighted = kind != FAR;
+  return source;
 }
 
-/// An item is a pair, whose first chunk of the pilot it is (option 0), or a chunk of the list (1).
-FUNCTION void tile_rays_item(HIERARCHY_PARAMETERS TILE_PARAMETERS uint item) {
+/// A shadow ray origin + t direction, 0 < t < 1, and the share of S that it stands for, without a factor that all rays
+/// of its pair have in common. Weight 0: on the other's plane, to rounding; not to be traced.
+STRUCT(ShadowRay) {
+  vec3 origin, direction;
+  float weight;
+};
+
+FUNCTION ShadowRay ray_of(TILE_PARAMETERS RaySource source, uint k) {
+  const vec3 p = point_on(source.from, source.from_u + k * 3679390609u, source.from_v + k * 3152041523u);
+  const vec3 q = point_on(source.to, source.to_u + k * 2700274807u, source.to_v + k * 2313257605u);
+  const vec3 between = source.between + (q - p);
+  const float over_from = dot3(source.normal_from, between), over_to = -dot3(source.normal_to, between);
+  const vec3 start = smaller(args.lift, 0.25f * over_from) * source.normal_from,
+             end = smaller(args.lift, 0.25f * over_to) * source.normal_to;
+  const float r2 = dot3(between, between);
+  ShadowRay ray;
+  ray.origin = source.hi + (source.lo + (p + start));
+  ray.direction = between + (end - start);
+  ray.weight = !(over_from > 0.0f && over_to > 0.0f) ? 0.0f : source.weighted ? (over_from / r2) * (over_to / r2) : 1.0f;
+  return ray;
+}
+
+/// An item of tile_rays is a pair, whose first chunk of the pilot it is (option 0), or a chunk of the list (1): rays
+/// number first .. first + count - 1 of a pair, or of a piece of it. count 0: nothing to do.
+STRUCT(RayItem) {
+  uint pair, state, first, count, piece;
+};
+FUNCTION RayItem ray_item(TILE_PARAMETERS uint item) {
   const bool listed = args.option != 0u;
-  const uint at = chunk_at(item), pair = listed ? extra[at] : item, state = word_of(TILE SECTION_STATE, pair);
-  const uint pilot = (state >> STATE_PILOT_SHIFT) & STATE_PILOT;
-  if (pilot == 0u) return;
-  const uint first = listed ? extra[at + 1u] : 0u, packed = listed ? extra[at + 2u] : smaller(pilot, CHUNK_RAYS);
-  const RaySums sums = rays_between(HIERARCHY TILE row_patch(TILE pair), column_patch(TILE pair), state & STATE_KIND,
-                                    first, packed & 65535u, packed >> 16);
-  if (listed) {
-    extra[at + 3u] = bits_of_float(sums.hidden);
+  const uint at = chunk_at(item);
+  RayItem rays;
+  rays.pair = listed ? extra[at] : item;
+  rays.state = word_of(TILE SECTION_STATE, rays.pair);
+  const uint pilot = (rays.state >> STATE_PILOT_SHIFT) & STATE_PILOT;
+  const uint packed = listed ? extra[at + 2u] : smaller(pilot, CHUNK_RAYS);
+  rays.first = listed ? extra[at + 1u] : 0u;
+  rays.count = pilot == 0u ? 0u : packed & 65535u;
+  rays.piece = packed >> 16;
+  return rays;
+}
+FUNCTION RaySource source_of_item(TILE_PARAMETERS RayItem rays) {
+  return source_of(TILE row_patch(TILE rays.pair), column_patch(TILE rays.pair), rays.state & STATE_KIND, rays.piece);
+}
+FUNCTION void store_hidden(TILE_PARAMETERS uint item, float hidden) {
+  if (args.option != 0u) {
+    extra[chunk_at(item) + 3u] = bits_of_float(hidden);
+  } else {
+    work[in_section(TILE SECTION_HIDDEN, item)] = bits_of_float(hidden);
+  }
+}
+FUNCTION void store_totals(TILE_PARAMETERS uint item, RaySums sums) {
+  if (args.option != 0u) {
+    const uint at = chunk_at(item);
     extra[at + 4u] = bits_of_float(sums.total);
     extra[at + 5u] = sums.traced;
   } else {
-    work[in_section(TILE SECTION_HIDDEN, pair)] = bits_of_float(sums.hidden);
-    work[in_section(TILE SECTION_TOTAL, pair)] = bits_of_float(sums.total);
-    work[in_section(TILE SECTION_TRACED, pair)] = sums.traced;
+    work[in_section(TILE SECTION_TOTAL, item)] = bits_of_float(sums.total);
+    work[in_section(TILE SECTION_TRACED, item)] = sums.traced;
   }
 }
+
+#if PACKET == 1
+
+FUNCTION void tile_rays_item(HIERARCHY_PARAMETERS TILE_PARAMETERS uint item) {
+  const RayItem rays = ray_item(TILE item);
+  if (rays.count == 0u) return;
+  const RaySource source = source_of_item(TILE rays);
+  RaySums sums = no_rays();
+  for (uint k = rays.first; k < rays.first + rays.count; ++k) {
+    const ShadowRay ray = ray_of(TILE source, k);
+    if (!(ray.weight > 0.0f)) continue;
+    ++sums.traced;
+    sums.total += ray.weight;
+    if (occluded(HIERARCHY ray.origin, ray.direction, 0.0f, 1.0f)) sums.hidden += ray.weight;
+  }
+  store_hidden(TILE item, sums.hidden);
+  store_totals(TILE item, sums);
+}
+
+#else
+
+/// Rays of successive items that an invocation traces together. The items' sums begin at 0 and are added up in memory:
+/// of an item the rays always come in order.
+STRUCT(Pending) {
+  RayBatch batch;
+  uint item[PACKET];
+  float weight[PACKET];
+  uint count;
+};
+
+FUNCTION void trace_pending(HIERARCHY_PARAMETERS TILE_PARAMETERS Pending *pending) {
+  for (uint k = pending->count; k < PACKET; ++k) PUT_NO_RAY(pending->batch, k);
+  const uint found = occluded_batch(HIERARCHY pending->batch);
+  for (uint k = 0u; k < pending->count; ++k) {
+    if (((found >> k) & 1u) == 0u) continue;
+    const uint item = pending->item[k];
+    if (args.option != 0u) {
+      extra[chunk_at(item) + 3u] = bits_of_float(float_of_bits(extra[chunk_at(item) + 3u]) + pending->weight[k]);
+    } else {
+      const uint at = in_section(TILE SECTION_HIDDEN, item);
+      work[at] = bits_of_float(float_of_bits(work[at]) + pending->weight[k]);
+    }
+  }
+  pending->count = 0u;
+}
+
+/// Items [begin, end).
+FUNCTION void tile_rays_items(HIERARCHY_PARAMETERS TILE_PARAMETERS uint begin, uint end) {
+  Pending pending;
+  pending.count = 0u;
+  for (uint item = begin; item < end; ++item) {
+    const RayItem rays = ray_item(TILE item);
+    if (rays.count == 0u) continue;
+    const RaySource source = source_of_item(TILE rays);
+    RaySums sums = no_rays();
+    store_hidden(TILE item, 0.0f);
+    for (uint k = rays.first; k < rays.first + rays.count; ++k) {
+      const ShadowRay ray = ray_of(TILE source, k);
+      if (!(ray.weight > 0.0f)) continue;
+      ++sums.traced;
+      sums.total += ray.weight;
+      pending.item[pending.count] = item;
+      pending.weight[pending.count] = ray.weight;
+      PUT_RAY(pending.batch, pending.count, ray.origin, 0.0f, ray.direction, 1.0f);
+      ++pending.count;
+      if (pending.count == PACKET) trace_pending(HIERARCHY TILE &pending);
+    }
+    store_totals(TILE item, sums);
+  }
+  if (pending.count > 0u) trace_pending(HIERARCHY TILE &pending);
+}
+
+#endif

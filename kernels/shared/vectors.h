@@ -20,6 +20,13 @@ struct vec3 {
 #define TO_UINT(x) (static_cast<uint>(x))
 #define TO_INT(x) (static_cast<int>(x))
 
+#define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
+#define PACKET 1
+#define REAL float
+#define LANES bool
+#define FILL_REAL(x) (x)
+#define ANY(lanes) (lanes)
+
 FUNCTION vec4 fill4(float x) { return {x, x, x, x}; }
 FUNCTION vec4 bytes_of(uint word) {
   return {TO_FLOAT(word & 255U), TO_FLOAT((word >> 8) & 255U), TO_FLOAT((word >> 16) & 255U), TO_FLOAT(word >> 24)};
