@@ -30,10 +30,9 @@ class DeviceFormFactors {
 
   [[nodiscard]] const DeviceInfo& info() const { return device_->info(); }
   [[nodiscard]] const DeviceMatrix& matrix() const { return matrix_; }
-  [[nodiscard]] const AssemblyReport& report() const { return report_; }
+  [[nodiscard]] const AssemblyReport& report() const { return report_; }  ///< its seconds leave out what was compiled
   /// Share of the n² elements that are not zero.
   [[nodiscard]] double nonzero_fraction() const { return nonzero_fraction_; }
-  /// Seconds of the device's compiler in report().seconds.
   [[nodiscard]] FormFactorMatrix download() { return matrix_.download(*device_); }
 
   /// Frees F and gives the device back.

@@ -115,6 +115,11 @@ template <class T>
 void __stcs(T* to, T value) {
   *to = value;
 }
+/// A product that no compiler folds into a sum.
+inline float __fmul_rn(float a, float b) {
+  volatile float product = a * b;
+  return product;
+}
 inline void __syncthreads() {
   interflect::cuda_on_cpu::block_barrier();
 }
