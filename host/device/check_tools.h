@@ -81,5 +81,7 @@ void check_stream(Device& device, std::vector<KernelCheck>& rows, const Selectio
 void check_packed(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 /// dot, axpby, and the steps of the solvers.
 void check_vectors(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
+/// shadow_rays; the size is the number of triangles.
+void check_rays(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 
 }  // namespace interflect::check

@@ -142,7 +142,7 @@ BufferSizes shadow_rays_needs(const LaunchShape& launch) {
   const auto a = launch.arguments<ShadowRayArguments>();
   demand(a.rays > 0 && a.nodes > 0 && a.leaves > 0, "no rays, or no hierarchy");
   demand(a.nodes <= largest_hierarchy && a.leaves <= largest_hierarchy, "more than 134217728 nodes or leaves");
-  demand(ceil_div(a.rays, launch.groups) <= rays_for_a_group, "more than 512 rays for a work-group");
+  demand(ceil_div(a.rays, launch.groups) <= rays_for_a_group, "more than 128 rays for a work-group");
   return {std::uint64_t{a.nodes} * 16, std::uint64_t{a.leaves} * 36, std::uint64_t{a.rays} * 8, a.rays};
 }
 

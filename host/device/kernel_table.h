@@ -86,7 +86,7 @@ inline constexpr std::uint32_t largest_n = 1U << 20;
 inline constexpr std::uint32_t largest_hierarchy = 1U << 27;
 /// Rays for one work-group of shadow_rays: on a processor one invocation may take them all, in loops of at most 65,535
 /// turns.
-inline constexpr std::uint32_t rays_for_a_group = 512;
+inline constexpr std::uint32_t rays_for_a_group = 128;
 
 /// What Queue::launch() checks before it enqueues: number, access and size of the buffers, the argument block, the
 /// groups against the device's limit. Throws a device Error "DEVICE: launch KERNEL (LABEL): CAUSE".

@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <map>
-#include <memory>
+#include <numeric>
 #include <string_view>
+#include <utility>
 
 #include "interflect/base/timer.h"
 #include "interflect/device/hierarchy.h"
@@ -44,11 +46,14 @@ class Pace {
   std::uint32_t items_, most_;
 };
 
-class Assembler {
+}  // namespace
+
+class DeviceAssembly::Impl {
  public:
-  Assembler(Device& device, const PatchTable& patches, const Blockers& blockers, const RayBudget& budget,
-            std::uint64_t seed, const DevicePace& pace)
-      : device_(device), queue_(device.queue()), hierarchy_(blockers.vertices(), blockers.triangles()) {
+  Impl(Device& device, const PatchTable& patches, const Blockers& blockers, const RayBudget& budget, std::uint64_t seed,
+       const DevicePace& pace)
+      : device_(device), queue_(device.queue()), table_(patches), blockers_(blockers), pace_(pace) {
+    const Hierarchy hierarchy(blockers.vertices(), blockers.triangles());
     arguments_.n = static_cast<std::uint32_t>(patches.size);
     arguments_.pilot_per_factor = budget.pilot_per_factor;
     arguments_.rays_per_factor = budget.rays_per_factor;
@@ -59,10 +64,10 @@ class Assembler {
     arguments_.three2 = budget.ratios.three_points * budget.ratios.three_points;
     arguments_.six2 = budget.ratios.six_points * budget.ratios.six_points;
     arguments_.lift = static_cast<float>(lift_of_extent * patches.extent);
-    reserve(pace);
+    reserve();
     patches_ = uploaded<std::uint32_t>(device_patches(patches, seed));
-    nodes_ = uploaded(hierarchy_.nodes());
-    leaves_ = uploaded(hierarchy_.leaves());
+    nodes_ = uploaded(hierarchy.nodes());
+    leaves_ = uploaded(hierarchy.leaves());
     for (const char* name : {"tile_kinds", "tile_special", "tile_pilot", "tile_rays", "tile_shares", "tile_mixed",
                              "tile_pieces", "tile_finish", "tile_store"}) {
       kernels_.emplace(name, device.kernel(name, default_macros(device.info(), name)));
@@ -70,16 +75,21 @@ class Assembler {
     queue_.wait();
   }
 
-  /// S of the tiles into the panels; false: they need more room for rays than there is, nothing was written.
-  [[nodiscard]] bool run(std::span<const DeviceTile> tiles, std::span<const DevicePanel> panels, std::uint32_t stride,
-                         DeviceAssemblyFacts& facts, std::vector<float>& rows);
+  /// Takes the S of a batch, which the device has finished.
+  using Taker = std::function<void(std::span<const DeviceTile>)>;
+  [[nodiscard]] DeviceAssemblyFacts run(std::size_t first, std::size_t end, const Taker& take, ProgressSink& progress);
 
-  [[nodiscard]] std::uint32_t most_tiles() const { return most_tiles_; }
+  /// Of the batch at hand, into the rows of the panel.
+  void store(const DevicePanel& panel, std::uint32_t stride);
+  void download(std::span<float> s) const {
+    queue_.download(*work_, assembly::counters * sizeof(float), std::as_writable_bytes(s));
+  }
 
  private:
   using Counters = std::array<std::uint32_t, assembly::counters>;
 
-  void reserve(const DevicePace& pace);
+  void reserve();
+  [[nodiscard]] bool compute(std::span<const DeviceTile> tiles);
   [[nodiscard]] bool trace(std::uint32_t pairs);
   [[nodiscard]] bool trace_listed(std::uint32_t counter);
   void trace_items(std::uint32_t option, std::uint32_t items, Pace& pace);
@@ -103,7 +113,9 @@ class Assembler {
 
   Device& device_;
   Queue& queue_;
-  Hierarchy hierarchy_;
+  const PatchTable& table_;
+  const Blockers& blockers_;
+  DevicePace pace_;
   AssemblyArguments arguments_;
   std::map<std::string_view, std::unique_ptr<Kernel>> kernels_;
   std::unique_ptr<Buffer> patches_, nodes_, leaves_, tiles_, work_, extra_;
@@ -112,11 +124,11 @@ class Assembler {
 };
 
 /// Scratch for batches of tiles: half for the pairs, half for lists of rays, at least what one tile may need.
-void Assembler::reserve(const DevicePace& pace) {
+void DeviceAssembly::Impl::reserve() {
   const std::uint64_t bytes = std::min(scratch_bytes, device_.info().max_buffer_bytes);
   const std::uint64_t of_tile = assembly::work_words(1) * 4;
   most_tiles_ = static_cast<std::uint32_t>(std::max<std::uint64_t>(1, bytes / of_tile));
-  if (pace.most_tiles != 0) most_tiles_ = std::min(most_tiles_, pace.most_tiles);
+  if (pace_.most_tiles != 0) most_tiles_ = std::min(most_tiles_, pace_.most_tiles);
   arguments_.cuts = 4 * pairs_of_tile;
   const std::uint64_t cut_bytes = assembly::extra_words(0, arguments_.cuts) * 4;
   const std::uint64_t room = bytes > 2 * cut_bytes ? bytes - cut_bytes : 0;
@@ -127,12 +139,12 @@ void Assembler::reserve(const DevicePace& pace) {
   tiles_ = device_.allocate(std::size_t{most_tiles_} * sizeof(DeviceTile));
   work_ = device_.allocate(assembly::work_words(most_tiles_) * 4);
   extra_ = device_.allocate(assembly::extra_words(arguments_.chunks, arguments_.cuts) * 4);
-  pilot_ = Pace(pace.launch_seconds, 4096, 1U << 30U);
-  listed_ = Pace(pace.launch_seconds, 1024, 1U << 30U);
+  pilot_ = Pace(pace_.launch_seconds, 4096, 1U << 30U);
+  listed_ = Pace(pace_.launch_seconds, 1024, 1U << 30U);
 }
 
-void Assembler::launch(const char* name, std::uint32_t items, std::uint32_t option, std::uint32_t first,
-                       Buffer* panel) {
+void DeviceAssembly::Impl::launch(const char* name, std::uint32_t items, std::uint32_t option, std::uint32_t first,
+                                  Buffer* panel) {
   if (items == 0) return;
   const DeviceInfo& info = device_.info();
   const std::uint32_t of_group = info.emulated() ? 64 : 256;
@@ -154,7 +166,7 @@ void Assembler::launch(const char* name, std::uint32_t items, std::uint32_t opti
 }
 
 /// Rays in launches of a bounded time.
-void Assembler::trace_items(std::uint32_t option, std::uint32_t items, Pace& pace) {
+void DeviceAssembly::Impl::trace_items(std::uint32_t option, std::uint32_t items, Pace& pace) {
   for (std::uint32_t first = 0; first < items;) {
     const std::uint32_t count = std::min(pace.items(), items - first);
     queue_.wait();
@@ -166,14 +178,14 @@ void Assembler::trace_items(std::uint32_t option, std::uint32_t items, Pace& pac
   }
 }
 
-bool Assembler::trace_listed(std::uint32_t counter) {
+bool DeviceAssembly::Impl::trace_listed(std::uint32_t counter) {
   const std::uint32_t chunks = counters()[counter];
   if (chunks > arguments_.chunks) return false;
   trace_items(1, chunks, listed_);
   return true;
 }
 
-bool Assembler::trace(std::uint32_t pairs) {
+bool DeviceAssembly::Impl::trace(std::uint32_t pairs) {
   launch("tile_pilot", pairs);
   trace_items(0, pairs, pilot_);
   if (!trace_listed(assembly::chunks)) return false;
@@ -187,61 +199,44 @@ bool Assembler::trace(std::uint32_t pairs) {
   return true;
 }
 
-bool Assembler::run(std::span<const DeviceTile> tiles, std::span<const DevicePanel> panels, std::uint32_t stride,
-                    DeviceAssemblyFacts& facts, std::vector<float>& rows) {
+/// S of a batch; false: it needs more room for rays than there is.
+bool DeviceAssembly::Impl::compute(std::span<const DeviceTile> tiles) {
   arguments_.tiles = static_cast<std::uint32_t>(tiles.size());
   const auto traced = static_cast<std::uint32_t>(
       std::count_if(tiles.begin(), tiles.end(), [](const DeviceTile& t) { return t.row >= assembly::traced_bit; }));
   queue_.upload(*tiles_, 0, std::as_bytes(tiles));
   const Counters zeros{};
   queue_.upload(*work_, 0, std::as_bytes(std::span(zeros)));
-  const std::uint32_t pairs = arguments_.tiles * pairs_of_tile;
   launch("tile_kinds", arguments_.tiles * assembly::block);
   const Counters lists = counters();
   for (std::uint32_t list = 0; list < 3; ++list) launch("tile_special", lists[assembly::lists + list], list);
   if (traced == 0) {
-    launch("tile_shares", pairs);
+    launch("tile_shares", arguments_.tiles * pairs_of_tile);
   } else if (!trace(traced * pairs_of_tile)) {
     return false;
   }
   launch("tile_finish", arguments_.tiles * assembly::block);
-  for (const DevicePanel& panel : panels) {
-    arguments_.panel_first = panel.first;
-    arguments_.panel_rows = panel.rows;
-    arguments_.panel_stride = stride;
-    launch("tile_store", pairs, 0, 0, panel.buffer);
-  }
-  rows.resize(tiles.size() * assembly::block);
-  const std::uint64_t behind = assembly::counters + std::uint64_t{pairs} * assembly::sections;
-  queue_.download(*work_, behind * 4, std::as_writable_bytes(std::span(rows)));
-  const Counters found = counters();
-  facts.pairs_considered += found[assembly::considered];
-  facts.pairs_analytic += found[assembly::analytic];
-  facts.rays += found[assembly::rays];
   return true;
 }
 
-/// Where the tile (r, c) stands among those of the row blocks from `first` on, by rows.
-std::uint64_t place_of(std::uint64_t r, std::uint64_t c, std::uint64_t first, std::uint64_t blocks) {
-  const auto before = [&](std::uint64_t row) { return row * blocks - row * (row - 1) / 2; };
-  return before(r) - before(first) + (c - r);
+void DeviceAssembly::Impl::store(const DevicePanel& panel, std::uint32_t stride) {
+  arguments_.panel_first = panel.first;
+  arguments_.panel_rows = panel.rows;
+  arguments_.panel_stride = stride;
+  launch("tile_store", arguments_.tiles * pairs_of_tile, 0, 0, panel.buffer);
 }
 
-}  // namespace
-
-DeviceAssemblyFacts assemble_on(Device& device, const PatchTable& patches, const Blockers& blockers,
-                                const RayBudget& budget, std::uint64_t seed, std::span<const DevicePanel> panels,
-                                std::uint32_t stride, std::uint32_t first_row_block, std::uint32_t end_row_block,
-                                ProgressSink& progress, const DevicePace& pace) {
+DeviceAssemblyFacts DeviceAssembly::Impl::run(std::size_t first, std::size_t end, const Taker& take,
+                                              ProgressSink& progress) {
   const Timer timer;
-  const std::uint64_t blocks = patches.blocks();
+  const std::uint64_t blocks = table_.blocks(), all = tiles_in_rows(first, end, blocks);
   DeviceAssemblyFacts facts;
-  facts.tile_variance.resize(place_of(end_row_block, end_row_block, first_row_block, blocks));
+  facts.tile_variance.resize(all);
   const std::vector<DeviceTile> tiles =
-      device_tiles(patches, blockers, lift_of_extent * patches.extent, first_row_block, end_row_block);
-  Assembler assembler(device, patches, blockers, budget, seed, pace);
-  Pace batches(pace.launch_seconds, pace.first_tiles, assembler.most_tiles());
-  progress.begin("form factors", tiles.size());
+      device_tiles(table_, blockers_, static_cast<double>(arguments_.lift), static_cast<std::uint32_t>(first),
+                   static_cast<std::uint32_t>(end));
+  progress.advance(all - tiles.size());
+  Pace batches(pace_.launch_seconds, pace_.first_tiles, most_tiles_);
   std::vector<float> rows;
   std::vector<DeviceTile> batch;
   for (std::size_t done = 0; done < tiles.size();) {
@@ -252,23 +247,73 @@ DeviceAssemblyFacts assemble_on(Device& device, const PatchTable& patches, const
     std::stable_partition(batch.begin(), batch.end(),
                           [](const DeviceTile& t) { return t.row >= assembly::traced_bit; });
     const Timer of_batch;
-    if (!assembler.run(batch, panels, stride, facts, rows)) {
-      if (count == 1) refuse(device.info().id, "assembly", "no room for the rays of a single tile");
+    if (!compute(batch)) {
+      if (count == 1) refuse(device_.info().id, "assembly", "no room for the rays of a single tile");
       batches.halve();
       continue;
     }
+    take(batch);
+    rows.resize(count * assembly::block);
+    const std::uint64_t behind = assembly::counters + std::uint64_t{count} * pairs_of_tile * assembly::sections;
+    queue_.download(*work_, behind * sizeof(float), std::as_writable_bytes(std::span(rows)));
+    const Counters found = counters();
     batches.took(static_cast<std::uint32_t>(count), of_batch.seconds());
+    facts.pairs_considered += found[assembly::considered];
+    facts.pairs_analytic += found[assembly::analytic];
+    facts.rays += found[assembly::rays];
     for (std::size_t t = 0; t < count; ++t) {
-      float sum = 0;
-      for (std::size_t k = 0; k < assembly::block; ++k) sum += rows[t * assembly::block + k];
-      const std::uint64_t place =
-          place_of(batch[t].row & ~assembly::traced_bit, batch[t].column, first_row_block, blocks);
-      facts.tile_variance[place] = sum;
+      const std::uint64_t r = batch[t].row & ~assembly::traced_bit, place = tiles_in_rows(first, r, blocks);
+      facts.tile_variance[place + batch[t].column - r] =
+          std::accumulate(rows.begin() + static_cast<std::ptrdiff_t>(t * assembly::block),
+                          rows.begin() + static_cast<std::ptrdiff_t>((t + 1) * assembly::block), 0.0F);
     }
     progress.advance(count);
     done += count;
   }
-  progress.end();
+  facts.seconds = timer.seconds();
+  return facts;
+}
+
+DeviceAssembly::DeviceAssembly(Device& device, const PatchTable& patches, const Blockers& blockers,
+                               const RayBudget& budget, std::uint64_t seed, const DevicePace& pace)
+    : impl_(std::make_unique<Impl>(device, patches, blockers, budget, seed, pace)) {}
+
+DeviceAssembly::~DeviceAssembly() = default;
+
+TileFacts DeviceAssembly::make(std::size_t first, std::size_t end, const TileSink& sink, ProgressSink& progress) {
+  std::vector<float> s;
+  const auto give = [&](std::span<const DeviceTile> tiles) {
+    s.resize(tiles.size() * pairs_of_tile);
+    impl_->download(s);
+    for (std::size_t t = 0; t < tiles.size(); ++t) {
+      const auto of_tile = std::span<const float>(s).subspan(t * pairs_of_tile, pairs_of_tile);
+      if (std::all_of(of_tile.begin(), of_tile.end(), [](float x) { return x == 0; })) continue;
+      sink(tiles[t].row & ~assembly::traced_bit, tiles[t].column, of_tile);
+    }
+  };
+  DeviceAssemblyFacts facts = impl_->run(first, end, give, progress);
+  return {.pairs_considered = facts.pairs_considered,
+          .pairs_analytic = facts.pairs_analytic,
+          .rays = facts.rays,
+          .trace_seconds = 0,
+          .variance = std::move(facts.tile_variance)};
+}
+
+DeviceAssemblyFacts DeviceAssembly::into(std::span<const DevicePanel> panels, std::uint32_t stride, std::size_t first,
+                                         std::size_t end, ProgressSink& progress) {
+  const auto store = [&](std::span<const DeviceTile>) {
+    for (const DevicePanel& panel : panels) impl_->store(panel, stride);
+  };
+  return impl_->run(first, end, store, progress);
+}
+
+DeviceAssemblyFacts assemble_on(Device& device, const PatchTable& patches, const Blockers& blockers,
+                                const RayBudget& budget, std::uint64_t seed, std::span<const DevicePanel> panels,
+                                std::uint32_t stride, std::uint32_t first_row_block, std::uint32_t end_row_block,
+                                ProgressSink& progress, const DevicePace& pace) {
+  const Timer timer;
+  DeviceAssembly assembly(device, patches, blockers, budget, seed, pace);
+  DeviceAssemblyFacts facts = assembly.into(panels, stride, first_row_block, end_row_block, progress);
   facts.seconds = timer.seconds();
   return facts;
 }

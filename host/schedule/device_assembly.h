@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "interflect/formfactor/accuracy.h"
 #include "interflect/formfactor/blockers.h"
 #include "interflect/formfactor/patch_table.h"
+#include "interflect/formfactor/tile_maker.h"
 
 namespace interflect {
 
@@ -29,17 +31,38 @@ struct DeviceAssemblyFacts {
 
 /// How a device is driven; no result depends on it.
 struct DevicePace {
-  double launch_seconds = 0.05;       ///< aimed at for a batch of tiles, and for a launch of rays
-  std::uint32_t first_tiles = 16;     ///< of the first batch
-  std::uint32_t most_tiles = 0;       ///< of any batch; 0: what 128 MiB of scratch hold
+  double launch_seconds = 0.05;    ///< aimed at for a batch of tiles, and for a launch of rays
+  std::uint32_t first_tiles = 16;  ///< of the first batch
+  std::uint32_t most_tiles = 0;    ///< of any batch; 0: what 128 MiB of scratch hold
 };
 
-/// Computes S_ij on a device for the pairs i < j of the tiles (r, c), first_row_block <= r < end_row_block, c >= r, and
-/// writes S_ij and S_ji wherever a panel has the row, `stride` floats (a multiple of 16, at least the number of
-/// patches) from row to row. What is 0 (the diagonal, padding, pairs that do not face each other) may not be written:
-/// the buffers come filled with zeros, as allocate() gives them. Host work beside it: culling of whole tiles.
-/// The same algorithm and samples as PairTile, in single precision. Throws what the device throws; an Error of kind
-/// device where its buffers are too small.
+/// The assembly of S on one device: the same algorithm and samples as PairTile, in single precision
+/// (kernels/README.md). Device, patches and blockers must outlive it; one thread at a time may use it. Everything
+/// throws what the device throws, and a device Error where its buffers are too small.
+class DeviceAssembly final : public TileMaker {
+ public:
+  /// Uploads the patches and a hierarchy over the blockers, and compiles the kernels.
+  DeviceAssembly(Device& device, const PatchTable& patches, const Blockers& blockers, const RayBudget& budget,
+                 std::uint64_t seed, const DevicePace& pace = {});
+  ~DeviceAssembly() override;
+
+  /// S by tiles to the host.
+  [[nodiscard]] TileFacts make(std::size_t first, std::size_t end, const TileSink& sink,
+                               ProgressSink& progress) override;
+
+  /// S_ij for the pairs i < j of the tiles (r, c), first <= r < end, c >= r: S_ij and S_ji go wherever a panel has the
+  /// row, `stride` floats (a multiple of 16, at least the number of patches) from row to row. What is 0 (the diagonal,
+  /// padding, pairs that do not face each other) may not be written: the buffers come filled with zeros, as allocate()
+  /// gives them. Progress is advanced by the number of tiles.
+  [[nodiscard]] DeviceAssemblyFacts into(std::span<const DevicePanel> panels, std::uint32_t stride, std::size_t first,
+                                         std::size_t end, ProgressSink& progress);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// DeviceAssembly::into() once.
 [[nodiscard]] DeviceAssemblyFacts assemble_on(Device& device, const PatchTable& patches, const Blockers& blockers,
                                               const RayBudget& budget, std::uint64_t seed,
                                               std::span<const DevicePanel> panels, std::uint32_t stride,

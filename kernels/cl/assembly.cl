@@ -18,6 +18,8 @@ typedef struct {
 #define PANEL_PARAMETERS global float *panel,
 #define PANEL_AT(row, column) panel[(size_t)(row) * args.panel_stride + (column)]
 #define ADD_TO(buffer, at, count) atomic_add((volatile global uint *)(buffer) + (at), count)
+#include "../shared/contour.h"
+#include "../shared/polygon.h"
 #include "../shared/pairs.h"
 #include "../shared/tile_layout.h"
 #include "../shared/tile_rays.h"

@@ -12,22 +12,27 @@ struct AssemblyArguments {
   uint panel_first, panel_rows, panel_stride;
 };
 
-#define TILE_BUFFERS \
-  const uint4 *__restrict__ patches, const uint4 *__restrict__ tiles, uint *__restrict__ work, uint *__restrict__ extra,
-#define TILE_PARAMETERS TILE_BUFFERS const AssemblyArguments &args,
+#define TILE_BUFFERS                                    \
+  [[maybe_unused]] const uint4 *__restrict__ patches,   \
+      [[maybe_unused]] const uint4 *__restrict__ tiles, \
+      [[maybe_unused]] uint *__restrict__ work,         \
+      [[maybe_unused]] uint *__restrict__ extra,
+#define TILE_PARAMETERS TILE_BUFFERS [[maybe_unused]] const AssemblyArguments &args,
 #define TILE patches, tiles, work, extra, args,
 #define PATCH_WORDS(i) __ldg(patches + (i))
 #define TILE_WORDS(i) __ldg(tiles + (i))
 #define PANEL_PARAMETERS float *__restrict__ panel,
 #define PANEL_AT(row, column) panel[static_cast<unsigned long long>(row) * args.panel_stride + (column)]
 #define ADD_TO(buffer, at, count) atomicAdd((buffer) + (at), count)
+#include "../shared/contour.h"
+#include "../shared/polygon.h"
 #include "../shared/pairs.h"
 #include "../shared/tile_layout.h"
 #include "../shared/tile_rays.h"
 #include "../shared/tile_store.h"
 #include "../shared/tiles.h"
 
-#define ENTRY(name) extern "C" __global__ void __launch_bounds__(WORKGROUP) name
+#define ENTRY(name) extern "C" __global__ void __launch_bounds__(WORKGROUP, 2) name
 #define FOR_EACH_ITEM                                                              \
   const uint share = (args.items + gridDim.x - 1) / gridDim.x;                     \
   const uint begin = args.first + smaller(args.items, blockIdx.x * share);         \

@@ -36,6 +36,8 @@ layout(set = 0, binding = 3, std430) restrict buffer Extra { uint extra[]; };
 #define PATCH_WORDS(i) WORDS(patches, i)
 #define TILE_WORDS(i) WORDS(tiles, i)
 #define ADD_TO(buffer, at, count) atomicAdd(buffer[at], count)
+#include "../shared/contour.h"
+#include "../shared/polygon.h"
 #include "../shared/pairs.h"
 #include "../shared/tile_layout.h"
 

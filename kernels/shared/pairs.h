@@ -1,6 +1,5 @@
 // The patches of a pair, as they lie in the buffers of the assembly kernels, and their S without occlusion.
 // kernels/README.md, "tile_kinds ... tile_store", is the contract.
-#include "polygon.h"
 
 // Kinds of pairs: simd::PairKind of the host.
 #define NONE 0u      // one lies behind or in the plane of the other: S = 0

@@ -1,6 +1,5 @@
 // Polygons of a pair: clipping, quadrature, and S by whichever way fits the distance. As host/formfactor/kernel.h, in
 // single precision; every coordinate is relative to a point near the pair.
-#include "contour.h"
 
 FUNCTION vec3 cross3(vec3 a, vec3 b) {
   return VEC3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
