@@ -66,6 +66,13 @@ Scheduler::Scheduler(const PackedMatrix& form_factors, std::vector<std::unique_p
   place();
 }
 
+Scheduler::Scheduler(const StreamedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices,
+                     std::uint32_t columns)
+    : Scheduler(std::move(devices), form_factors.size(), columns) {
+  product_ = make_product(form_factors, *device_, arguments_, groups_);
+  place();
+}
+
 Scheduler::~Scheduler() = default;
 
 void Scheduler::place() {
