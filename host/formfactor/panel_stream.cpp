@@ -154,14 +154,15 @@ class PanelStream::Reader {
     return bytes;
   }
 
-  /// Waits for a slot that nobody works on: one that holds the panel already if there is one.
+  /// Waits for a slot that nobody works on: the one that holds the panel already, or that was filled first.
   [[nodiscard]] std::optional<std::size_t> free_slot(const std::stop_token& stop, std::uint32_t panel) {
+    const auto rank = [&](const Slot& slot) { return slot.panel == panel ? 0 : slot.filled + 1; };
     std::optional<std::size_t> found;
     std::unique_lock lock(mutex_);
     changed_.wait(lock, stop, [&] {
       for (std::size_t k = 0; k < stream_.slots_.size(); ++k) {
         const Slot& slot = stream_.slots_[k];
-        if (!slot.taken && (!found || slot.panel == panel)) found = k;
+        if (!slot.taken && (!found || rank(slot) < rank(stream_.slots_[*found]))) found = k;
       }
       return found.has_value();
     });
@@ -170,6 +171,7 @@ class PanelStream::Reader {
   }
 
   std::uint64_t fill(Slot& slot, std::uint32_t panel) {
+    slot.filled = ++stream_.fillings_;
     if (slot.panel == panel) return 0;
     if (slot.memory == nullptr) slot.memory = std::make_shared<PageBuffer>(stream_.panel_bytes());
     slot.panel.reset();  // until it is read

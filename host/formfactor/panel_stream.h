@@ -64,6 +64,7 @@ class PanelStream {
   struct Slot {
     std::shared_ptr<PageBuffer> memory;
     std::optional<std::uint32_t> panel;  ///< what it holds
+    std::uint64_t filled = 0;            ///< the higher the later
     bool taken = false;
   };
 
@@ -73,6 +74,7 @@ class PanelStream {
   std::uint32_t fitting_ = 0, kept_ = 0;
   std::vector<std::shared_ptr<PageBuffer>> stay_;  ///< by panel; null: not read yet
   std::vector<Slot> slots_;
+  std::uint64_t fillings_ = 0;
   bool backwards_ = false;
   Use use_;
 };
