@@ -117,6 +117,7 @@ void fill(FormFactorMatrix& s, TileMaker& maker, PanelStore* panels, AssemblyRep
       ++report.panels_reused;
       continue;
     }
+    if (panels != nullptr) panels->prepare(panel);
     const TileFacts facts = maker.make(first, end, sink, progress);
     if (panels != nullptr) panels->save(panel, s, facts);
     add(report, facts);
@@ -188,7 +189,7 @@ Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& 
               const AssemblyOptions& options, const ExchangeProduct& product, AssemblyReport& report) {
   const std::size_t n = mesh.size();
   const HemisphereShares shares = look_around(patches, blockers.visibility(), blockers.two_sided(), options.seed);
-  const std::vector<double> area(patches.area.begin(), patches.area.begin() + static_cast<std::ptrdiff_t>(n));
+  const std::vector<double>& area = mesh.area;
   report.row_sum = row_sums_of(product, area, std::vector<double>(n, 1.0));
   std::vector<bool> takes_part(n);
   for (std::uint32_t i = 0; i < n; ++i) {
@@ -249,7 +250,7 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
   fill(out.matrix, other ? *other : embree, options.panels, report, sink);
 
   Scaling scaling = judge(mesh, patches, blockers, options, exchange_product(out.matrix), report);
-  make_form_factors(out.matrix, patches.area, scaling);
+  make_form_factors(out.matrix, mesh.area, scaling);
   note_change(mesh, scaling, report);
   report.scaling = std::move(scaling.d);
   report.seconds = timer.seconds();
