@@ -98,6 +98,7 @@ void add(AssemblyReport& report, const TileFacts& facts) {
   report.pairs_considered += facts.pairs_considered;
   report.pairs_analytic += facts.pairs_analytic;
   report.rays += facts.rays;
+  report.trace_seconds += facts.trace_seconds;
   report.tile_variance.insert(report.tile_variance.end(), facts.variance.begin(), facts.variance.end());
 }
 

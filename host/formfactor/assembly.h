@@ -62,6 +62,7 @@ struct AssemblyReport {
   std::uint64_t pairs_considered = 0;  ///< i < j that face each other, at least in part
   std::uint64_t pairs_analytic = 0;    ///< of them by the contour form
   std::uint64_t rays = 0;              ///< shadow rays traced
+  double trace_seconds = 0;            ///< of `seconds` inside Embree, a thread's share; 0 elsewhere
   double seconds = 0;
 };
 

@@ -16,6 +16,7 @@ struct TileFacts {
   std::uint64_t pairs_considered = 0;  ///< i < j that face each other, at least in part
   std::uint64_t pairs_analytic = 0;    ///< of them by the contour form
   std::uint64_t rays = 0;              ///< shadow rays traced
+  double trace_seconds = 0;            ///< inside Embree, a thread's share; 0 elsewhere, and for panels from a store
   /// Σ σ²(S_ij) / (A_i A_j) over the pairs of each tile (r, c), c >= r: for each tile row its tiles from the diagonal
   /// on, row after row. The sampling's variance: σ²(F_ij) is that times A_j / A_i.
   std::vector<float> variance;
