@@ -130,7 +130,7 @@ Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& 
               const AssemblyOptions& options, const ExchangeProduct& product, AssemblyReport& report) {
   const std::size_t n = mesh.size();
   const HemisphereShares shares = look_around(patches, blockers.visibility(), blockers.two_sided(), options.seed);
-  const std::vector<double> area(patches.area.begin(), patches.area.begin() + static_cast<std::ptrdiff_t>(n));
+  const std::vector<double>& area = mesh.area;
   report.row_sum = row_sums_of(product, area, std::vector<double>(n, 1.0));
   std::vector<bool> takes_part(n);
   for (std::uint32_t i = 0; i < n; ++i) {
@@ -214,7 +214,7 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
   sink.end();
 
   Scaling scaling = judge(mesh, patches, blockers, options, exchange_product(out.matrix), report);
-  make_form_factors(out.matrix, patches.area, scaling);
+  make_form_factors(out.matrix, mesh.area, scaling);
   note_change(mesh, scaling, report);
   report.scaling = std::move(scaling.d);
   report.seconds = timer.seconds();

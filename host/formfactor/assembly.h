@@ -10,6 +10,7 @@
 #include "interflect/formfactor/blockers.h"
 #include "interflect/formfactor/closure.h"
 #include "interflect/formfactor/form_factor_matrix.h"
+#include "interflect/formfactor/form_factor_rows.h"
 #include "interflect/formfactor/pair_tile.h"
 #include "interflect/formfactor/panel_store.h"
 #include "interflect/formfactor/tile_maker.h"
@@ -99,6 +100,8 @@ struct GroupFactors {
   std::vector<double> areas;
   std::vector<std::vector<double>> factors;
 };
+[[nodiscard]] GroupFactors between(const FormFactorRows& f, const std::vector<double>& area,
+                                   const std::vector<std::uint32_t>& surface, const Grouping& grouping);
 [[nodiscard]] GroupFactors between(const FormFactorMatrix& f, const PatchMesh& mesh, const Grouping& grouping);
 
 }  // namespace interflect

@@ -88,6 +88,7 @@ void fill(FormFactorMatrix& s, TileMaker& maker, PanelStore* panels, AssemblyRep
       ++report.panels_reused;
       continue;
     }
+    if (panels != nullptr) panels->prepare(panel);
     const TileFacts facts = maker.make(first, end, sink, progress);
     if (panels != nullptr) panels->save(panel, s, facts);
     add(report, facts);

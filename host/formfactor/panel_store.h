@@ -26,6 +26,8 @@ class PanelStore {
   virtual void read(std::uint32_t panel, std::uint32_t first, std::uint32_t columns, std::span<float> to) const = 0;
   /// A panel that is there: fills its rows of the matrix.
   [[nodiscard]] virtual TileFacts load(std::uint32_t panel, FormFactorMatrix& s) = 0;
+  /// Called before a panel is computed: finds out early that there is no room for it. Throws as save().
+  virtual void prepare(std::uint32_t panel) { static_cast<void>(panel); }
   /// Keeps a panel from the matrix' rows. When this returns, has(panel) holds for every later process, whatever happens
   /// to this one. Throws an input Error when the disk is full; earlier panels stay usable.
   virtual void save(std::uint32_t panel, const FormFactorMatrix& s, const TileFacts& facts) = 0;
