@@ -193,6 +193,31 @@ Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
   return dense;
 }
 
+Solved solve_streamed(const StreamedMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
+                      std::optional<Storage> storage, Method method, const StopTest& stop, ProgressSink& progress) {
+  if (storage && *storage != Storage::dense32) {
+    throw Error(ErrorKind::limit,
+                fmt::format("--storage {} is packed from all form factors at once, and they do not fit the memory: use "
+                            "--storage dense32, or a larger --memory",
+                            name(*storage)));
+  }
+  tune_on_first_use(candidates.device(), Storage::dense32, matrix.size(), progress);
+  const Light light = light_of(mesh);
+  const Place place = [&](std::unique_ptr<Device> device) {
+    std::vector<std::unique_ptr<Device>> devices;
+    devices.push_back(std::move(device));
+    return std::make_unique<Scheduler>(matrix, std::move(devices), static_cast<std::uint32_t>(channels));
+  };
+  Columns radiosity;
+  FallbackReport done =
+      solve_on(candidates, place, method, stop, mesh.area, light.reflectance, light.emittance, radiosity, &progress);
+  StorageUse use{Storage::dense32, matrix.bytes()};
+  const PanelStream& stream = matrix.stream();
+  use.streamed = {stream.panels().panels(), stream.resident(), stream.use().bytes_read, stream.use().passes,
+                  stream.use().seconds_waiting};
+  return solved_of(std::move(done), radiosity, use);
+}
+
 Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop) {
   const Light light = light_of(mesh);
   Columns radiosity;
@@ -214,15 +239,15 @@ double Energy::balance_error() const {
   return sum > 0 ? difference / sum : 0;
 }
 
-Energy energy_balance(const FormFactorMatrix& matrix, const PatchMesh& mesh, const std::vector<Rgb>& radiosity,
+Energy energy_balance(const ExactProduct& exact, const PatchMesh& mesh, const std::vector<Rgb>& radiosity,
                       const std::vector<double>& row_sum) {
-  const std::uint32_t n = matrix.size();
+  const auto n = static_cast<std::uint32_t>(mesh.size());
   Columns b(3, std::vector<float>(n));  // the radiosities came as floats: nothing is lost
   for (std::uint32_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 3; ++c) b[c][i] = static_cast<float>(radiosity[i][c]);
   }
   std::vector<std::vector<double>> received;
-  exact_product(matrix, b, received);
+  exact(b, received);
   Energy energy;
   for (std::uint32_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 3; ++c) {

@@ -96,6 +96,14 @@ ordered_json to_json(const SolveSummary& summary) {
       {"rounding_error",
        storage.rounding_error ? nlohmann::ordered_json(*storage.rounding_error) : nlohmann::ordered_json(nullptr)},
       {"refused", storage.refused.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(storage.refused)}};
+  if (storage.streamed) {
+    const StreamUse& use = *storage.streamed;
+    out["storage"]["streamed"] = {{"panels", use.panels},
+                                  {"resident", use.resident},
+                                  {"bytes_read", use.bytes_read},
+                                  {"bytes_read_per_product", use.bytes_read / std::max<std::uint64_t>(1, use.passes)},
+                                  {"seconds_waiting", use.seconds_waiting}};
+  }
   out["seconds"] = {{"read", loaded.read_seconds},
                     {"mesh", loaded.mesh_seconds},
                     {"form_factors", factors.report.seconds},
@@ -142,6 +150,14 @@ std::string rounding_text(const StorageUse& storage) {
          fmt::format(", its rounding moves a radiosity by at most {:.1e} of the largest", *storage.rounding_error);
 }
 
+std::string stream_text(const StorageUse& storage) {
+  if (!storage.streamed) return "";
+  const StreamUse& use = *storage.streamed;
+  const std::uint64_t each = use.bytes_read / std::max<std::uint64_t>(1, use.passes);
+  return fmt::format("streamed       {} of {} panels in memory, {:.1f} MiB read per product, {:.2f} s waiting for it\n",
+                     use.resident, use.panels, static_cast<double>(each) / (1 << 20), use.seconds_waiting);
+}
+
 std::string to_text(const SolveSummary& summary) {
   const MeshedScene& loaded = *summary.loaded;
   const SolveReport& report = summary.solved->report;
@@ -152,6 +168,7 @@ std::string to_text(const SolveSummary& summary) {
                      100 * storage.nonzero_fraction);
   out += fmt::format("storage        {}, {:.1f} MiB{}\n", name(storage.format),
                      static_cast<double>(storage.bytes) / (1 << 20), rounding_text(storage));
+  out += stream_text(storage);
   out += closure_text(summary.factors->report);
   out += fmt::format("solve          {} on {}: {}, {} iterations, {} products, {:.3f} s\n", name(summary.method),
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,

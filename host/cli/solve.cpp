@@ -165,7 +165,10 @@ int run(const Options& options) {
       solve_scene(factors.matrix, loaded.mesh, candidates, storage_of(options.storage), method, options.stop, console);
 
   SolveSummary summary{&loaded, &factors, &solved, method, options.stop, {}, 0, 0};
-  summary.energy = energy_balance(factors.matrix, loaded.mesh, solved.radiosity, factors.report.row_sum);
+  const ExactProduct exact = [&](const Columns& x, std::vector<std::vector<double>>& y) {
+    exact_product(factors.matrix, x, y);
+  };
+  summary.energy = energy_balance(exact, loaded.mesh, solved.radiosity, factors.report.row_sum);
   const Timer writing;
   write_outputs(options, summary, console);
   summary.write_seconds = writing.seconds();

@@ -38,7 +38,7 @@ class StoredPanels final : public ExchangePanels {
   [[nodiscard]] std::uint32_t size() const override { return n_; }
   [[nodiscard]] std::uint32_t stride() const override { return FormFactorMatrix::stride_of(n_); }
   [[nodiscard]] std::uint32_t rows_per_panel() const override { return store_.rows_per_panel(); }
-  void read(std::uint32_t panel, std::span<float> to) const override { store_.read(panel, 0, stride(), to); }
+  void read(std::uint32_t panel, std::span<float> to) const override { store_.read_columns(panel, 0, stride(), to); }
 
  private:
   const PanelStore& store_;

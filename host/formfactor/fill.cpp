@@ -58,7 +58,7 @@ void mirror_stored(FormFactorMatrix& s, const PanelStore& panels) {
   const std::uint32_t first = s.first_row(), width = s.end_row() - first, rows = panels.rows_per_panel();
   std::vector<float> columns(std::size_t{first == 0 ? 0 : rows} * width);
   for (std::uint32_t panel = 0; panel * rows < first; ++panel) {
-    panels.read(panel, first, width, columns);
+    panels.read_columns(panel, first, width, columns);
 #pragma omp parallel for schedule(static)
     for (std::uint32_t c0 = 0; c0 < width; c0 += block) {
       for (std::uint32_t r0 = 0; r0 < rows; r0 += block) {

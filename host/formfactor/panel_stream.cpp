@@ -53,7 +53,8 @@ std::uint64_t PanelStream::bytes() const {
   return std::uint64_t{panels_.size()} * panels_.stride() * sizeof(float);
 }
 
-void PanelStream::keep(std::uint32_t panels) {
+void PanelStream::keep(std::uint32_t panels, std::uint32_t elsewhere) {
+  elsewhere_ = elsewhere;
   kept_ = std::min(panels, fitting_);
   for (std::size_t k = kept_; k < stay_.size(); ++k) stay_[k] = nullptr;
   const std::uint32_t count = panels_.panels();

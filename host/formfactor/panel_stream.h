@@ -1,6 +1,6 @@
 #pragma once
 
-#include <array>
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -32,9 +32,11 @@ class PanelStream {
   /// How many panels fit the memory beside the buffers.
   [[nodiscard]] std::uint32_t fitting() const { return fitting_; }
   /// How many panels, the first ones, stay in memory from now on: at most fitting(), which is also the default. For a
-  /// caller that keeps the rest of its panels in memory of its own.
-  void keep(std::uint32_t panels);
+  /// caller that keeps `elsewhere` panels, the first ones, in memory of its own.
+  void keep(std::uint32_t panels, std::uint32_t elsewhere = 0);
   [[nodiscard]] std::uint32_t kept() const { return kept_; }
+  /// How many panels need not be read for a product, here or elsewhere.
+  [[nodiscard]] std::uint32_t resident() const { return std::max(kept_, elsewhere_); }
   /// Bytes that the passes to come will still allocate.
   [[nodiscard]] std::uint64_t bytes_to_allocate() const;
 
@@ -71,7 +73,7 @@ class PanelStream {
   [[nodiscard]] std::vector<std::uint32_t> order(std::uint32_t from, std::uint32_t end);
 
   const ExchangePanels& panels_;
-  std::uint32_t fitting_ = 0, kept_ = 0;
+  std::uint32_t fitting_ = 0, kept_ = 0, elsewhere_ = 0;
   std::vector<std::shared_ptr<PageBuffer>> stay_;  ///< by panel; null: not read yet
   std::vector<Slot> slots_;
   std::uint64_t fillings_ = 0;

@@ -20,18 +20,6 @@ StreamedMatrix::StreamedMatrix(const ExchangePanels& panels, std::span<const dou
   }
 }
 
-double StreamedMatrix::nonzero_fraction() const {
-  const double n = size();
-  std::uint64_t count = 0;
-  stream_.pass([&](const PanelStream::View& view) {
-#pragma omp parallel for schedule(static) reduction(+ : count)
-    for (std::uint32_t r = 0; r < view.rows; ++r) {
-      for (const float s : view.row(r, stride())) count += s != 0.0F ? 1 : 0;  // the padding is zero
-    }
-  });
-  return n > 0 ? static_cast<double>(count) / (n * n) : 0;
-}
-
 ExchangeProduct exchange_product(PanelStream& stream) {
   return [&stream](const std::vector<float>& x) {
     const std::uint32_t n = stream.panels().size(), stride = stream.panels().stride();

@@ -27,8 +27,6 @@ class StreamedMatrix {
   [[nodiscard]] std::span<const float> scale_out() const { return out_; }
   /// Use of the panels: a pass changes what is in memory, never a result.
   [[nodiscard]] PanelStream& stream() const { return stream_; }
-  /// Share of the n² elements that are not zero. A pass.
-  [[nodiscard]] double nonzero_fraction() const;
 
  private:
   mutable PanelStream stream_;

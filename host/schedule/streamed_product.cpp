@@ -33,7 +33,8 @@ class StreamedProduct final : public Product {
     stream_.keep(stream_.fitting());
     if (shares_) return;
     on_device_ = panels_for_the_device();
-    if (device.info().type == DeviceType::cpu) stream_.keep(0);  // the device's memory is the host's: not twice
+    // A processor's device has the host's memory: not twice.
+    stream_.keep(device.info().type == DeviceType::cpu ? 0 : stream_.fitting(), on_device_);
   }
 
   [[nodiscard]] std::uint64_t needed_bytes() const override {

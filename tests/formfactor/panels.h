@@ -60,7 +60,8 @@ class MemoryStore final : public PanelStore {
   MemoryStore(std::uint32_t n, std::uint32_t rows_per_panel) : n_(n), rows_(rows_per_panel) {}
   [[nodiscard]] std::uint32_t rows_per_panel() const override { return rows_; }
   [[nodiscard]] bool has(std::uint32_t panel) const override { return panels.contains(panel); }
-  void read(std::uint32_t panel, std::uint32_t first, std::uint32_t columns, std::span<float> to) const override {
+  void read_columns(std::uint32_t panel, std::uint32_t first, std::uint32_t columns,
+                    std::span<float> to) const override {
     const std::vector<float>& rows = panels.at(panel).first;
     if (broken_columns && first > 0) first -= 1;
     for (std::size_t r = 0; r < rows.size() / stride(); ++r) {
