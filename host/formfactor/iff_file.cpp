@@ -93,7 +93,7 @@ void IffFile::read_panel(std::uint32_t panel, std::span<float> rows) const {
 TileFacts IffFile::facts(std::uint32_t panel) const {
   const iff::EntryBytes& entry = table_.at(panel);
   if (!iff::valid(entry, panel, seed_of_checksums_)) throw damage(panel);
-  TileFacts facts{entry.pairs, entry.analytic, entry.rays, std::vector<float>(shape_.variances(panel))};
+  TileFacts facts{entry.pairs, entry.analytic, entry.rays, 0, std::vector<float>(shape_.variances(panel))};
   if (!read_at(file_, name_, shape_.variance_offset(panel), bytes_of(facts.variance)) ||
       iff::checksum(std::as_bytes(std::span(facts.variance))) != entry.variance_checksum) {
     throw damage(panel);
