@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "interflect/device/device.h"
+#include "interflect/formfactor/accuracy.h"
 #include "interflect/formfactor/assembly.h"
 #include "interflect/formfactor/packed_matrix.h"
 #include "interflect/output/output.h"
@@ -25,9 +26,13 @@ struct SceneOptions {
   bool two_sided = false;
   std::string closure = "auto";
   std::string group_by = "auto";
+  std::optional<std::string> accuracy;  ///< as given
+  std::optional<std::uint64_t> seed;
+  std::optional<std::string> memory;  ///< as given
   bool quiet = false;
 };
-void add_scene_options(CLI::App& command, SceneOptions& options);
+void add_scene_options(CLI::App& command, SceneOptions& options,
+                       const std::string& what = "scene: .xml (rrv), .obj, .gltf or .glb");
 
 struct MeshedScene {
   Scene scene;
@@ -40,6 +45,16 @@ struct MeshedScene {
 
 /// Reads, checks and cuts the scene. Warnings go to the progress sink; an error among the findings is thrown.
 [[nodiscard]] MeshedScene load(const SceneOptions& options, ProgressSink& progress);
+
+/// What the options say of the assembly. Throws a usage Error for an accuracy that is none.
+[[nodiscard]] AssemblyOptions assembly_options(const SceneOptions& options);
+[[nodiscard]] Accuracy accuracy_asked(const SceneOptions& options);  ///< medium where none was given
+[[nodiscard]] GroupBy group_by(const std::string& name);
+void report_warnings(const AssemblyReport& report, const std::string& name, ProgressSink& progress);
+
+/// The bytes of S that may be in memory when F exceeds the memory, so that its panels must stay in a file; nothing when
+/// F fits: --memory, or what is available. Throws a usage Error for a --memory that is no size.
+[[nodiscard]] std::optional<std::uint64_t> memory_for_streaming(const SceneOptions& options, std::size_t patches);
 
 /// Assembles F; the assembly's warnings go to the progress sink.
 [[nodiscard]] FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& options,

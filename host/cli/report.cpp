@@ -36,12 +36,10 @@ ordered_json energy_json(const Energy& energy) {
 }
 
 /// How many patches of which object are set aside: "table/leg": 12.
-ordered_json set_aside_by_object(const AssemblyReport& report, const PatchMesh& mesh) {
+ordered_json set_aside_by_object(const AssemblyReport& report,
+                                 const std::function<std::string(std::uint32_t)>& object_of) {
   std::map<std::string, std::uint32_t> counts;
-  for (const std::uint32_t i : report.set_aside) {
-    const Surface& surface = mesh.surfaces[mesh.surface[i]];
-    ++counts[surface.object.empty() ? surface.group : surface.object];
-  }
+  for (const std::uint32_t i : report.set_aside) ++counts[object_of(i)];
   ordered_json out = ordered_json::object();
   for (const auto& [name, count] : counts) out[name] = count;
   return out;
@@ -50,6 +48,13 @@ ordered_json set_aside_by_object(const AssemblyReport& report, const PatchMesh& 
 }  // namespace
 
 ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded) {
+  return closure_json(report, [&](std::uint32_t i) {
+    const Surface& surface = loaded.mesh.surfaces[loaded.mesh.surface[i]];
+    return surface.object.empty() ? surface.group : surface.object;
+  });
+}
+
+ordered_json closure_json(const AssemblyReport& report, const std::function<std::string(std::uint32_t)>& object_of) {
   ordered_json out = row_sums_json(report.after);
   out["before"] = row_sums_json(report.before);
   out["applied"] = report.closure_applied;
@@ -59,9 +64,25 @@ ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loade
   out["escape_fraction"] = report.escape_fraction;
   out["back_fraction"] = report.back_fraction;
   out["set_aside"] = {{"count", report.set_aside.size()},
-                      {"by_object", set_aside_by_object(report, loaded.mesh)},
+                      {"by_object", set_aside_by_object(report, object_of)},
                       {"patches", report.set_aside}};
   return out;
+}
+
+ordered_json error_json(const EstimatedError& error) {
+  return {{"rms", error.rms}, {"max", error.max}};
+}
+
+ordered_json kept_json(const Kept& kept) {
+  if (kept.file.empty()) return nullptr;
+  return {{"file", kept.file},    {"done", kept.done}, {"panels", kept.panels},    {"panels_reused", kept.reused},
+          {"accuracy", kept.eps}, {"seed", kept.seed}, {"geometry", kept.geometry}};
+}
+
+std::string kept_text(const Kept& kept) {
+  if (kept.file.empty()) return "";
+  return fmt::format("kept           {}: {}, {} of {} panels from there, accuracy {}, seed {}\n", kept.file, kept.done,
+                     kept.reused, kept.panels, text_of({kept.eps}), kept.seed);
 }
 
 ordered_json to_json(const SolveSummary& summary) {
@@ -118,6 +139,9 @@ ordered_json to_json(const SolveSummary& summary) {
   out["assembly"] = {{"pairs_considered", factors.report.pairs_considered},
                      {"pairs_analytic", factors.report.pairs_analytic},
                      {"rays", factors.report.rays}};
+  out["form_factors"] = kept_json(summary.kept);
+  out["estimated_error"] = {{"row_sum", error_json(summary.row_error)},
+                            {"radiosity", error_json(summary.radiosity_error)}};
   out["warnings"] = loaded.warnings;
   for (const std::string& warning : factors.report.warnings) out["warnings"].push_back(warning);
   return out;
@@ -166,6 +190,7 @@ std::string to_text(const SolveSummary& summary) {
   const StorageUse& storage = summary.solved->storage;
   out += fmt::format("form factors   {:.2f} s, {:.1f} % non-zero\n", summary.factors->report.seconds,
                      100 * storage.nonzero_fraction);
+  out += kept_text(summary.kept);
   out += fmt::format("storage        {}, {:.1f} MiB{}\n", name(storage.format),
                      static_cast<double>(storage.bytes) / (1 << 20), rounding_text(storage));
   out += stream_text(storage);
@@ -182,6 +207,9 @@ std::string to_text(const SolveSummary& summary) {
                        kernels.from_cache, kernels.seconds);
   }
   out += fmt::format("residual       {:.2e} (relative, per channel)\n", fmt::join(report.relative_residual, " "));
+  out += fmt::format(
+      "sampling       row sums {:.1e} rms, {:.1e} at most; a radiosity {:.1e} rms, {:.1e} of the largest\n",
+      summary.row_error.rms, summary.row_error.max, summary.radiosity_error.rms, summary.radiosity_error.max);
   out += fmt::format("energy         emitted {:.6g}, absorbed {:.6g}, escaped {:.6g}, balance error {:.1e}\n",
                      sum(summary.energy.emitted), sum(summary.energy.absorbed), sum(summary.energy.escaped),
                      summary.energy.balance_error());

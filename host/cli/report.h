@@ -1,9 +1,12 @@
 #pragma once
 
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 
+#include "interflect/formfactor/estimate.h"
+#include "kept.h"
 #include "pipeline.h"
 
 namespace interflect::cli {
@@ -17,6 +20,8 @@ struct SolveSummary {
   StopTest stop;
   Energy energy;
   double write_seconds = 0, total_seconds = 0;
+  Kept kept = {};
+  EstimatedError row_error = {}, radiosity_error = {};
 };
 
 /// The JSON report: the fields that DESIGN's section on the command line fixes, and more beside them.
@@ -33,6 +38,14 @@ struct SolveSummary {
 /// Row sums, closure, set-aside patches: the part of the report that `formfactors` prints as well.
 [[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded);
 [[nodiscard]] std::string closure_text(const AssemblyReport& report);
+
+[[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report,
+                                                  const std::function<std::string(std::uint32_t)>& object_of);
+
+/// Where the form factors are kept and what was done; null without a file. As text: a line, or nothing.
+[[nodiscard]] nlohmann::ordered_json kept_json(const Kept& kept);
+[[nodiscard]] std::string kept_text(const Kept& kept);
+[[nodiscard]] nlohmann::ordered_json error_json(const EstimatedError& error);
 
 /// A device's reason may hold a compiler's log: its first line.
 [[nodiscard]] std::string_view first_line(std::string_view text);

@@ -221,15 +221,18 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
   return out;
 }
 
+std::uint64_t assembly_memory(std::uint64_t patches) {
+  return predicted_memory(patches, static_cast<std::uint64_t>(omp_get_max_threads()));
+}
+
 AssemblyReport assemble_into(PanelStore& panels, const PatchMesh& mesh, const AssemblyOptions& options,
                              std::uint64_t memory, ProgressSink* progress) {
   const Timer timer;
   ProgressSink silent;
   ProgressSink& sink = progress != nullptr ? *progress : silent;
   const auto n = static_cast<std::uint32_t>(mesh.size());
-  const auto threads = static_cast<std::uint64_t>(omp_get_max_threads());
   const std::uint64_t limit = options.memory_limit != 0 ? options.memory_limit : available_memory();
-  const std::uint64_t others = predicted_memory(n, threads) - FormFactorMatrix::predicted_bytes(n);
+  const std::uint64_t others = assembly_memory(n) - FormFactorMatrix::predicted_bytes(n);
   if (others + memory > limit) {
     throw Error(ErrorKind::limit,
                 fmt::format("{} for the form factors and {} beside them are needed, and {} may be used: use a smaller "
