@@ -7,8 +7,11 @@
 #include <charconv>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 #include "interflect/base/error.h"
+#include "interflect/formfactor/patch_table.h"
+#include "interflect/formfactor/tile_maker.h"
 
 namespace interflect {
 
@@ -60,6 +63,29 @@ RayBudget budget_of(const Accuracy& accuracy) {
   out.ratios.three_points *= static_cast<float>(std::clamp(nearer, 0.7, 2.0));
   out.ratios.six_points *= static_cast<float>(std::clamp(nearer, 0.7, 2.0));
   return out;
+}
+
+double row_error(std::span<const double> area, std::size_t patches, std::span<const float> variance) {
+  const std::uint64_t blocks = (patches + PatchTable::block - 1) / PatchTable::block;
+  if (variance.size() != tiles_in_rows(0, blocks, blocks)) {
+    throw Error(ErrorKind::internal, fmt::format("{} variances for {} patches", variance.size(), patches));
+  }
+  std::vector<double> mean(blocks), inverse(blocks);  // of the areas of a block, and of one over them
+  for (std::size_t b = 0; b < blocks; ++b) {
+    const std::size_t first = b * PatchTable::block, end = std::min<std::size_t>(first + PatchTable::block, patches);
+    for (const double a : area.subspan(first, end - first)) {
+      mean[b] += a / static_cast<double>(end - first);
+      inverse[b] += a > 0 ? 1 / a / static_cast<double>(end - first) : 0;
+    }
+  }
+  double sum = 0;
+  std::size_t tile = 0;
+  for (std::size_t r = 0; r < blocks; ++r) {
+    for (std::size_t c = r; c < blocks; ++c) {
+      sum += static_cast<double>(variance[tile++]) * (mean[r] * inverse[c] + mean[c] * inverse[r]);
+    }
+  }
+  return patches > 0 ? std::sqrt(sum / static_cast<double>(patches)) : 0;
 }
 
 }  // namespace interflect
