@@ -41,6 +41,9 @@ class Blockers {
   Blockers(std::vector<Vec3> vertices, std::vector<std::array<std::uint32_t, 3>> triangles);
 
   [[nodiscard]] const Visibility& visibility() const { return visibility_; }
+  /// What visibility() traces, for other hierarchies over the same.
+  [[nodiscard]] const std::vector<Vec3>& vertices() const { return shape_.vertices; }
+  [[nodiscard]] const std::vector<std::array<std::uint32_t, 3>>& triangles() const { return shape_.triangles; }
   /// Per triangle of visibility(): whether there is a patch on each side.
   [[nodiscard]] const std::vector<bool>& two_sided() const { return shape_.two_sided; }
 
