@@ -7,7 +7,6 @@
 #include <charconv>
 #include <cmath>
 #include <utility>
-#include <vector>
 
 #include "interflect/base/error.h"
 #include "interflect/formfactor/patch_table.h"
@@ -65,24 +64,41 @@ RayBudget budget_of(const Accuracy& accuracy) {
   return out;
 }
 
+namespace {
+
+/// What turns a tile's variance into the sum over its rows and columns of the rows' variances: the mean of A_j / A_i +
+/// A_i / A_j over its pairs, each with the share of the variance that falls to it. That goes like min(A_i, A_j) where
+/// the rays go with F. Every fourth patch of a block stands for it.
+double ratio_of_areas(std::span<const double> rows, std::span<const double> columns) {
+  constexpr std::size_t step = 4;
+  double sum = 0, weights = 0;
+  for (std::size_t a = 0; a < rows.size(); a += step) {
+    for (std::size_t b = 0; b < columns.size(); b += step) {
+      const double low = std::min(rows[a], columns[b]), high = std::max(rows[a], columns[b]);
+      if (!(low > 0)) continue;
+      sum += low * (high / low + low / high);
+      weights += low;
+    }
+  }
+  return weights > 0 ? sum / weights : 0;
+}
+
+}  // namespace
+
 double row_error(std::span<const double> area, std::size_t patches, std::span<const float> variance) {
   const std::uint64_t blocks = (patches + PatchTable::block - 1) / PatchTable::block;
   if (variance.size() != tiles_in_rows(0, blocks, blocks)) {
     throw Error(ErrorKind::internal, fmt::format("{} variances for {} patches", variance.size(), patches));
   }
-  std::vector<double> mean(blocks), inverse(blocks);  // of the areas of a block, and of one over them
-  for (std::size_t b = 0; b < blocks; ++b) {
-    const std::size_t first = b * PatchTable::block, end = std::min<std::size_t>(first + PatchTable::block, patches);
-    for (const double a : area.subspan(first, end - first)) {
-      mean[b] += a / static_cast<double>(end - first);
-      inverse[b] += a > 0 ? 1 / a / static_cast<double>(end - first) : 0;
-    }
-  }
+  const auto block = [&](std::size_t b) {
+    const std::size_t first = b * PatchTable::block;
+    return area.subspan(first, std::min<std::size_t>(PatchTable::block, patches - first));
+  };
   double sum = 0;
   std::size_t tile = 0;
   for (std::size_t r = 0; r < blocks; ++r) {
-    for (std::size_t c = r; c < blocks; ++c) {
-      sum += static_cast<double>(variance[tile++]) * (mean[r] * inverse[c] + mean[c] * inverse[r]);
+    for (std::size_t c = r; c < blocks; ++c, ++tile) {
+      if (variance[tile] > 0) sum += static_cast<double>(variance[tile]) * ratio_of_areas(block(r), block(c));
     }
   }
   return patches > 0 ? std::sqrt(sum / static_cast<double>(patches)) : 0;
