@@ -115,8 +115,10 @@ template <class T>
 void __stcs(T* to, T value) {
   *to = value;
 }
+/// A product that no compiler folds into a sum.
 inline float __fmul_rn(float a, float b) {
-  return a * b;
+  volatile float product = a * b;
+  return product;
 }
 inline float __fsub_rn(float a, float b) {
   return a - b;
@@ -130,6 +132,12 @@ inline unsigned __float_as_uint(float value) {
   unsigned bits = 0;
   std::memcpy(&bits, &value, sizeof bits);
   return bits;
+}
+/// Threads are fibers of one thread.
+inline unsigned atomicAdd(unsigned* to, unsigned value) {
+  const unsigned before = *to;
+  *to += value;
+  return before;
 }
 inline void __syncthreads() {
   interflect::cuda_on_cpu::block_barrier();
