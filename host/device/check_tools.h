@@ -74,6 +74,8 @@ struct Selection {
 [[nodiscard]] Macros case_macros(const DeviceInfo& device, std::string_view kernel, const Selection& selection,
                                  std::uint32_t columns);
 void check_matvec(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
+/// matvec_exact and close_rows.
+void check_resident(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 void check_stream(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});  ///< read and copy
 /// tiles16, sym16, sym16_fold, scale.
 void check_packed(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});

@@ -19,6 +19,12 @@ struct MatvecArguments {
   std::uint32_t vector_stride = 0;  ///< elements from one column of x or y to the next, a multiple of 16
 };
 
+/// Rows of a panel for one work-group of matvec_exact and close_rows, which take MatvecArguments as well.
+///   matvec_exact: y as hi + lo; hi as y of matvec, lo COLUMNS * vector_stride floats behind it.
+///   close_rows: f[r, j] *= factor[first + r] * d[j] in place; of the row, at of_rows[k * vector_stride + first + r]: k = 0,
+///   1 the least and largest d[j] with f[r, j] != 0, k = 2 how many there are. Buffers: f, d, factor, of_rows.
+inline constexpr std::uint32_t panel_group = 4;
+
 // The 16-bit formats. Elements are fp16 (halves); x comes scaled, from the kernel `scale`, with zeros behind its n
 // elements; a tile is 8 rows x 16 columns, row-major, and begins at multiples of these.
 

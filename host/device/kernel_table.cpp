@@ -44,6 +44,29 @@ BufferSizes matvec_needs(const LaunchShape& launch) {
   return {std::uint64_t{a.rows} * a.row_stride, columns, columns - a.vector_stride + a.first + a.rows};
 }
 
+/// What matvec_exact and close_rows share: a panel, and groups of panel_group rows.
+MatvecArguments panel_of(const LaunchShape& launch) {
+  const auto a = launch.arguments<MatvecArguments>();
+  demand(a.row_stride % 16 == 0 && a.vector_stride % 16 == 0, "a stride is not a multiple of 16");
+  demand(a.n <= a.row_stride && a.n <= a.vector_stride, "n is larger than a stride");
+  demand(a.n <= largest_n, "n is larger than 1048576");
+  demand(std::uint64_t{a.first} + a.rows <= a.vector_stride, "the panel's rows end behind the vector");
+  demand(std::uint64_t{launch.groups} * panel_group >= a.rows, "the work-groups do not cover the panel's rows");
+  return a;
+}
+
+BufferSizes matvec_exact_needs(const LaunchShape& launch) {
+  const MatvecArguments a = panel_of(launch);
+  const std::uint64_t columns = static_cast<std::uint64_t>(launch.macro("COLUMNS")) * a.vector_stride;
+  return {std::uint64_t{a.rows} * a.row_stride, columns, 2 * columns - a.vector_stride + a.first + a.rows};
+}
+
+BufferSizes close_rows_needs(const LaunchShape& launch) {
+  const MatvecArguments a = panel_of(launch);
+  const std::uint64_t end = std::uint64_t{a.first} + a.rows;
+  return {std::uint64_t{a.rows} * a.row_stride, a.vector_stride, end, 2 * std::uint64_t{a.vector_stride} + end};
+}
+
 BufferSizes tiles16_needs(const LaunchShape& launch) {
   const auto a = launch.arguments<TileArguments>();
   demand(a.vector_stride % 16 == 0 && a.n <= a.vector_stride, "n is larger than the stride, or that no multiple of 16");
@@ -174,6 +197,8 @@ std::span<const KernelLine> kernel_table() {
        sizeof(MatvecArguments),
        {{"COLUMNS", 1, 24, 0}, {"ROWS", 1, 64, 16, {4, 8, 12, 16, 32, 64}, true}},
        &matvec_needs},
+      {"matvec_exact", "matvec_exact", "rrw", sizeof(MatvecArguments), {{"COLUMNS", 1, 24, 0}}, &matvec_exact_needs},
+      {"close_rows", "close_rows", "wrrw", sizeof(MatvecArguments), {}, &close_rows_needs},
       {"tiles16",
        "tiles16",
        "rrrrw",

@@ -52,6 +52,7 @@ bool PairTile::compute(std::size_t rows, std::size_t columns) {
   std::fill(kind_.begin(), kind_.end(), PairKind::none);
   there_.clear();
   parts_.clear();
+  for (std::size_t k = 0; k < block; ++k) row_points_[k].size = column_points_[k].size = 0;
   variance_ = 0;
   find_kinds(rows, columns);
   if (there_.empty()) return false;
@@ -133,13 +134,20 @@ void PairTile::find_kinds(std::size_t rows, std::size_t columns) {
   }
 }
 
+const kernel::Samples& PairTile::six_points(kernel::Samples& kept, std::size_t patch) const {
+  if (kept.size == 0) kept = kernel::samples(whole(patch), 6);
+  return kept;
+}
+
 void PairTile::finish_kind(std::size_t pair) {
   const std::size_t i = row_patch(pair), j = column_patch(pair);
   double& s = s_[pair];
   switch (kind_[pair]) {
     case PairKind::none: return;
     case PairKind::far: break;
-    case PairKind::middle: s = kernel::quadrature(whole(i), whole(j), 6); break;
+    case PairKind::middle:
+      s = kernel::quadrature(six_points(row_points_[pair / block], i), six_points(column_points_[pair % block], j));
+      break;
     case PairKind::near:
       s = kernel::contour(whole(i), whole(j));
       ++analytic_;

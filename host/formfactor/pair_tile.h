@@ -67,6 +67,7 @@ class PairTile {
   // pair_tile.cpp: which pairs there are, and S without occlusion
   void find_kinds(std::size_t rows, std::size_t columns);
   void finish_kind(std::size_t pair);
+  [[nodiscard]] const kernel::Samples& six_points(kernel::Samples& kept, std::size_t patch) const;
   [[nodiscard]] bool anything_between(std::size_t rows, std::size_t columns);
   void hide();
 
@@ -110,13 +111,14 @@ class PairTile {
   std::array<sampling::Facet, block> row_facet_, column_facet_;
   std::array<sampling::Square, block> row_word_, column_word_;
   FacetBlock columns_;
+  std::array<kernel::Samples, block> row_points_, column_points_;  ///< 6 each, made when asked for: size 0 before
   std::vector<double> s_;
   std::vector<simd::PairKind> kind_;
-  std::vector<std::uint16_t> there_;  ///< the pairs whose kind is not none
-  std::vector<float> factor_;         ///< S / min(A_i, A_j), the larger of the pair's form factors
-  std::vector<std::uint32_t> pilot_;  ///< rays that the pair gets first
-  std::vector<float> hidden_;         ///< share of them that ended early
-  std::vector<std::uint16_t> parts_of_;
+  std::vector<std::uint16_t> there_;     ///< the pairs whose kind is not none
+  std::vector<float> factor_;            ///< S / min(A_i, A_j), the larger of the pair's form factors
+  std::vector<std::uint32_t> pilot_;     ///< rays that the pair gets first
+  std::vector<float> hidden_;            ///< share of them that ended early
+  std::vector<std::uint16_t> parts_of_;  ///< a straddling pair's place in parts_
   std::vector<Parts> parts_;
   std::vector<Slot> slots_;
   std::vector<CutPair> cut_;

@@ -9,6 +9,8 @@ Function find_function(std::string_view name) {
       {"copy", &copy},
       {"read", &read},
       {"matvec", &matvec},
+      {"matvec_exact", &matvec_exact},
+      {"close_rows", &close_rows},
       {"shadow_rays", &shadow_rays},
       {"scale", &scale},
       {"tiles16", &tiles16},

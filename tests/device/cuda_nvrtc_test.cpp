@@ -48,6 +48,8 @@ std::vector<Macros> variants(std::string_view file) {
   if (file == "matvec") {
     // One column, the three of light, a whole chunk, one more, many.
     for (const int columns : {1, 3, 6, 7, 24}) all.push_back({{"COLUMNS", columns}, {"ROWS", 8}});
+  } else if (file == "matvec_exact") {
+    for (const int columns : {1, 3, 7, 24}) all.push_back({{"COLUMNS", columns}});
   } else if (file == "tiles16") {
     for (const int columns : {1, 3, 4, 7, 24}) all.push_back({{"COLUMNS", columns}, {"STRIPS", 1}});
     for (const int strips : {2, 4, 8}) all.push_back({{"COLUMNS", 3}, {"STRIPS", strips}});

@@ -115,8 +115,10 @@ template <class T>
 void __stcs(T* to, T value) {
   *to = value;
 }
+/// A product that no compiler folds into a sum.
 inline float __fmul_rn(float a, float b) {
-  return a * b;
+  volatile float product = a * b;
+  return product;
 }
 inline float __fsub_rn(float a, float b) {
   return a - b;
