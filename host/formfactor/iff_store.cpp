@@ -231,6 +231,7 @@ bool IffStore::has(std::uint32_t panel) const {
 
 void IffStore::read_columns(std::uint32_t panel, std::uint32_t first, std::uint32_t columns,
                             std::span<float> to) const {
+  wait();  // it may be the panel that is being written
   // Whole rows lie one behind the other; of narrower ones each is read by itself.
   const bool whole = columns == shape_.stride();
   const std::uint32_t reads = whole ? 1 : shape_.rows(panel);
