@@ -199,8 +199,9 @@ std::string IffStore::how_to_go_on() const {
 /// Reads a panel and says whether it is what it was when it was written.
 bool IffStore::read(std::uint32_t panel) const {
   const iff::EntryBytes& entry = table_[panel];
-  held_ = none;
   if (!iff::valid(entry, panel, seed_)) return false;
+  wait();  // for the buffer
+  held_ = none;
   const auto rows = std::span(rows_).first(shape_.panel_bytes(panel) / sizeof(float));
   variance_.resize(shape_.variances(panel));
   const auto matches = [&](std::span<float> values, std::uint64_t offset, std::uint64_t checksum) {
@@ -230,6 +231,7 @@ bool IffStore::has(std::uint32_t panel) const {
 
 void IffStore::read_columns(std::uint32_t panel, std::uint32_t first, std::uint32_t columns,
                             std::span<float> to) const {
+  wait();  // it may be the panel that is being written
   // Whole rows lie one behind the other; of narrower ones each is read by itself.
   const bool whole = columns == shape_.stride();
   const std::uint32_t reads = whole ? 1 : shape_.rows(panel);
@@ -289,6 +291,7 @@ void IffStore::prepare(std::uint32_t panel) {
     error = ::posix_fallocate(file_.get(), static_cast<off_t>(first), static_cast<off_t>(bytes));
   } while (error == EINTR);
   if (error == 0 || error == EOPNOTSUPP || error == EINVAL) return;  // a file system that cannot tell in advance
+  wait();
   throw no_room(file_error(name_, "write", error), panel);
 }
 
@@ -296,34 +299,49 @@ void IffStore::save(std::uint32_t panel, const FormFactorMatrix& s, const TileFa
   if (facts.variance.size() != shape_.variances(panel) || s.stride() != shape_.stride()) {
     throw Error(ErrorKind::internal, fmt::format("{}: panel {} has facts of another shape", name_, panel));
   }
+  wait();
   held_ = none;
-  const auto rows = std::span(rows_).first(shape_.panel_bytes(panel) / sizeof(float));
   for (std::uint32_t k = 0; k < shape_.rows(panel); ++k) {
     const auto row = s.row(shape_.first(panel) + k);
-    const auto to = rows.subspan(std::size_t{k} * shape_.stride(), shape_.stride());
+    const auto to = std::span(rows_).subspan(std::size_t{k} * shape_.stride(), shape_.stride());
     std::fill(std::copy(row.begin(), row.end(), to.begin()), to.end(), 0.0F);
   }
-  try {
-    write_at(file_, name_, shape_.panel_offset(panel), std::as_bytes(rows));
-    write_at(file_, name_, shape_.variance_offset(panel), std::as_bytes(std::span(facts.variance)));
-    sync();
-    iff::EntryBytes entry{};
-    entry.state = iff::state_finished;
-    entry.panel = panel;
-    entry.rows_checksum = iff::checksum(std::as_bytes(rows));
-    entry.variance_checksum = iff::checksum(std::as_bytes(std::span(facts.variance)));
-    entry.pairs = facts.pairs_considered;
-    entry.analytic = facts.pairs_analytic;
-    entry.rays = facts.rays;
-    entry = iff::sealed(entry, seed_);
-    write_at(file_, name_, iff::Shape::table_offset() + panel * sizeof entry, bytes_of(entry));
-    sync();
-    table_[panel] = entry;
-  } catch (const Error& error) {
-    throw no_room(error, panel);
-  }
+  writing_ = panel;
   saved_.push_back(panel);
-  if (options_.stop && options_.stop()) throw Error(ErrorKind::interrupted, how_to_go_on());
+  pending_ = std::async(std::launch::async, [this, panel, facts] { write(panel, facts); });
+  if (!options_.stop || !options_.stop()) return;
+  wait();
+  throw Error(ErrorKind::interrupted, how_to_go_on());
+}
+
+/// Data, then the entry that makes it count. Runs beside the next panel's computation.
+void IffStore::write(std::uint32_t panel, const TileFacts& facts) {
+  const auto rows = std::as_bytes(std::span(rows_).first(shape_.panel_bytes(panel) / sizeof(float)));
+  const auto variance = std::as_bytes(std::span(facts.variance));
+  write_at(file_, name_, shape_.panel_offset(panel), rows);
+  write_at(file_, name_, shape_.variance_offset(panel), variance);
+  sync();
+  iff::EntryBytes entry{};
+  entry.state = iff::state_finished;
+  entry.panel = panel;
+  entry.rows_checksum = iff::checksum(rows);
+  entry.variance_checksum = iff::checksum(variance);
+  entry.pairs = facts.pairs_considered;
+  entry.analytic = facts.pairs_analytic;
+  entry.rays = facts.rays;
+  entry = iff::sealed(entry, seed_);
+  write_at(file_, name_, iff::Shape::table_offset() + panel * sizeof entry, bytes_of(entry));
+  table_[panel] = entry;
+}
+
+/// Until the panel that is being written has reached the file.
+void IffStore::wait() const {
+  if (!pending_.valid()) return;
+  try {
+    pending_.get();
+  } catch (const Error& error) {
+    throw no_room(error, writing_);
+  }
 }
 
 /// Whether the file ends with this closing section already.
@@ -337,6 +355,7 @@ bool IffStore::closes_with(const iff::ClosingBytes& front, std::span<const std::
 }
 
 void IffStore::finish(const IffClosing& closing) {
+  wait();
   if (kept() != shape_.panels()) {
     throw Error(ErrorKind::internal, fmt::format("{}: {} panels are missing", name_, shape_.panels() - kept()));
   }

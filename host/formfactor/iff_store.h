@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <future>
 #include <string>
 #include <vector>
 
@@ -28,8 +29,9 @@ namespace interflect {
 /// 0.005 is asked". Empty when nothing does.
 [[nodiscard]] std::string difference(const iff::Key& has, const iff::Key& wanted);
 
-/// Keeps panels in a file. A process that is killed at any moment leaves what is finished, and the next one goes on
-/// there; the complete file has the same bytes. Another process that writes the same file is kept out by a lock.
+/// Keeps panels in a file, each written while the next one is computed. A process that is killed at any moment leaves
+/// what is finished, and the next one goes on there; the complete file has the same bytes. Another process that writes
+/// the same file is kept out by a lock.
 class IffStore final : public PanelStore {
  public:
   enum class Mode {
@@ -71,6 +73,8 @@ class IffStore final : public PanelStore {
   [[nodiscard]] bool read(std::uint32_t panel) const;
   void check_symmetry(std::uint32_t panel, const FormFactorMatrix& s) const;
   void sync();
+  void write(std::uint32_t panel, const TileFacts& facts);
+  void wait() const;
   [[nodiscard]] bool closes_with(const iff::ClosingBytes& front, std::span<const std::byte> body) const;
   [[nodiscard]] Error no_room(const Error& cause, std::uint32_t panel) const;
   [[nodiscard]] std::string how_to_go_on() const;
@@ -84,9 +88,12 @@ class IffStore final : public PanelStore {
   std::uint64_t seed_ = 0;
   std::vector<iff::EntryBytes> table_;
   std::vector<std::uint32_t> saved_;
-  // The panel that was read last: has() looks at it, load() takes it.
+  // The panel that was read last: has() looks at it, load() takes it; save() writes from there.
   mutable std::vector<float> rows_, variance_;
   mutable std::uint32_t held_;
+  // The panel that is being written from rows_, beside the computation of the next one.
+  std::uint32_t writing_ = 0;
+  mutable std::future<void> pending_;
 };
 
 }  // namespace interflect

@@ -29,8 +29,9 @@ class PanelStore {
   [[nodiscard]] virtual TileFacts load(std::uint32_t panel, FormFactorMatrix& s) = 0;
   /// Called before a panel is computed: finds out early that there is no room for it. Throws as save().
   virtual void prepare(std::uint32_t panel) { static_cast<void>(panel); }
-  /// Keeps a panel from the matrix' rows. When this returns, has(panel) holds for every later process, whatever happens
-  /// to this one. Throws an input Error when the disk is full; earlier panels stay usable.
+  /// Keeps a panel from the matrix' rows. When this returns for the next panel (or throws), has(panel) holds for every
+  /// later process, whatever happens to this one. Throws a limit Error when the disk is full, for this panel or the one
+  /// before; what is kept stays usable.
   virtual void save(std::uint32_t panel, const FormFactorMatrix& s, const TileFacts& facts) = 0;
 };
 

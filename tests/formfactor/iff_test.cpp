@@ -175,7 +175,7 @@ TEST_F(Iff, EveryDamagedByteIsFound) {
     return error_of([&] { (void)read_form_factors(IffFile::open(file("damaged.iff"))); });
   };
   for (std::uint64_t at = 0; at < sizeof(iff::HeaderBytes); ++at) EXPECT_NE(damaged_at(at), "") << "header " << at;
-  for (std::uint64_t at = 0; at < 4 * sizeof(iff::EntryBytes); at += 5) {
+  for (std::uint64_t at = 0; at < 4 * sizeof(iff::EntryBytes); at += 7) {
     const std::string panel = "panel " + std::to_string(at / sizeof(iff::EntryBytes)) + " (rows ";
     EXPECT_THAT(damaged_at(iff::Shape::table_offset() + at), HasSubstr(panel)) << "table " << at;
   }
@@ -184,10 +184,11 @@ TEST_F(Iff, EveryDamagedByteIsFound) {
         file("damaged.iff") + ": " + iff::panel_name(shape, panel) + ": checksum differs; `--repair` computes it again";
     const std::uint64_t first = shape.panel_offset(panel);
     const std::uint64_t end = shape.variance_offset(panel) + shape.variances(panel) * sizeof(float);
-    for (std::uint64_t at = first; at < end; at += 7919) EXPECT_EQ(damaged_at(at), name) << at;
+    for (std::uint64_t at = first; at < end; at += 20011) EXPECT_EQ(damaged_at(at), name) << at;
     EXPECT_EQ(damaged_at(end - 1), name) << "the variances' last byte";
   }
-  for (std::uint64_t at = shape.closing_offset(); at < whole.size(); at += at < shape.closing_offset() + 100 ? 1 : 97) {
+  for (std::uint64_t at = shape.closing_offset(); at < whole.size();
+       at += at < shape.closing_offset() + 100 ? 7 : 307) {
     EXPECT_THAT(damaged_at(at), HasSubstr("closing section: ")) << at;
   }
   EXPECT_EQ(damaged_at(sizeof(iff::HeaderBytes) + 1), "") << "nothing is kept there";
@@ -196,7 +197,7 @@ TEST_F(Iff, EveryDamagedByteIsFound) {
 TEST_F(Iff, ATruncatedFileIsFoundAtEveryLength) {
   (void)make(file());
   const std::string whole = content_of(file());
-  for (std::size_t bytes = 0; bytes < whole.size(); bytes += bytes < 8192 ? 61 : 4001) {
+  for (std::size_t bytes = 0; bytes < whole.size(); bytes += bytes < 8192 ? 61 : 9001) {
     write(file("cut.iff"), whole.substr(0, bytes));
     EXPECT_NE(error_of([&] { (void)IffFile::open(file("cut.iff")); }), "") << bytes;
   }
@@ -292,8 +293,8 @@ TEST_F(Iff, HalfWrittenPanelsDoNotCount) {
   (void)make(file("undisturbed.iff"));
   const std::string whole = content_of(file("undisturbed.iff"));
   const iff::Shape shape = IffFile::open(file("undisturbed.iff")).shape();
-  for (const std::uint64_t end : {std::uint64_t{0}, std::uint64_t{100}, std::uint64_t{4096 + 64}, shape.data_offset(),
-                                  shape.panel_offset(1) + 5, shape.panel_offset(3), shape.closing_offset() + 8}) {
+  for (const std::uint64_t end : {std::uint64_t{0}, std::uint64_t{100}, std::uint64_t{4096 + 64},
+                                  shape.panel_offset(1) + 5, shape.closing_offset() + 8}) {
     std::string bytes = whole.substr(0, end);
     write(file("a.iff.partial"), bytes);
     (void)make(file("a.iff"));
