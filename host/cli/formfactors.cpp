@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <memory>
@@ -30,7 +31,7 @@ void print_table(const GroupFactors& table) {
   const auto cell = [&](const std::string& text) { return fmt::format("{:>{}.{}}", text, widest, widest); };
   fmt::print("{}  {}", cell("from \\ to"), cell("area"));
   for (const std::string& group : table.groups) fmt::print("  {}", cell(shown(group)));
-  fmt::print("  {}\n", cell("sum"));
+  fmt::print("  {}  {}\n", cell("sum"), cell("sky"));
   for (std::size_t a = 0; a < table.groups.size(); ++a) {
     fmt::print("{}  {:>{}.6g}", cell(shown(table.groups[a])), table.areas[a], widest);
     double sum = 0;
@@ -38,8 +39,9 @@ void print_table(const GroupFactors& table) {
       fmt::print("  {:>{}.6f}", f, widest);
       sum += f;
     }
-    fmt::print("  {:>{}.6f}\n", sum, widest);
+    fmt::print("  {:>{}.6f}  {:>{}.6f}\n", sum, widest, table.sky[a], widest);
   }
+  if (!table.left_out.empty()) fmt::print("left out: {} (in the way only)\n", fmt::join(table.left_out, ", "));
 }
 
 int run(const Options& options) {
@@ -47,12 +49,16 @@ int run(const Options& options) {
   const MeshedScene loaded = load(options.scene, console);
   const FormFactors factors = assemble_checked(loaded, options.scene, console);
   if (options.between) {
-    const GroupFactors table = between(factors.matrix, loaded.mesh, loaded.grouping);
+    GroupFactors table = between(factors.matrix, loaded.mesh, loaded.grouping);
+    // What a buried patch in a closed scene does not see is the inside of other objects, not the sky.
+    if (factors.report.closed_scene) std::fill(table.sky.begin(), table.sky.end(), 0.0);
     if (options.json) {
       nlohmann::ordered_json out;
       out["groups"] = table.groups;
       out["areas"] = table.areas;
       out["factors"] = table.factors;
+      out["sky"] = table.sky;
+      if (!table.left_out.empty()) out["left_out"] = table.left_out;
       fmt::print("{}", dump(out));
     } else {
       print_table(table);

@@ -17,7 +17,7 @@
 namespace interflect::cli {
 
 void add_scene_options(CLI::App& command, SceneOptions& options) {
-  command.add_option("SCENE", options.file, "scene: .xml (rrv), .obj, .gltf or .glb")->required();
+  command.add_option("SCENE", options.file, "scene: .xml (rrv), .obj, .gltf, .glb or .vs3 (View3D)")->required();
   auto* divide = command
                      .add_option("--divide", options.divide,
                                  "split triangles into four until their area is at most this (default: as many "

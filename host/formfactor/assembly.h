@@ -62,11 +62,14 @@ struct FormFactors {
 [[nodiscard]] FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options = {},
                                    ProgressSink* progress = nullptr);
 
-/// F between groups of patches: factors[a][b] = Σ_{i∈a} Σ_{j∈b} A_i F_ij / Σ_{i∈a} A_i.
+/// F between groups of patches: factors[a][b] = Σ_{i∈a} Σ_{j∈b} A_i F_ij / Σ_{i∈a} A_i. Groups of obstructions have no
+/// row and no column.
 struct GroupFactors {
   std::vector<std::string> groups;
   std::vector<double> areas;
   std::vector<std::vector<double>> factors;
+  std::vector<double> sky;                 ///< per group: what goes to no patch at all, 1 − Σ_j F_ij, at least 0
+  std::vector<std::string> left_out = {};  ///< the groups of obstructions
 };
 [[nodiscard]] GroupFactors between(const FormFactorMatrix& f, const PatchMesh& mesh, const Grouping& grouping);
 
