@@ -1,9 +1,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <optional>
 
+#include "bench_assembly.h"
 #include "bench_compare.h"
 #include "bench_header.h"
 #include "bench_plot.h"
@@ -27,9 +29,10 @@ namespace interflect::cli {
 namespace {
 
 struct Options {
-  bool study = false, peers = false;
+  bool study = false, peers = false, assembly = false;
   std::string device = "auto";
-  std::string scenes;
+  std::string scenes, scene;
+  std::string accuracy = "medium";
   std::vector<unsigned> rooms;
   std::string storage = "dense32,sym16";
   std::uint32_t random = 0;
@@ -59,6 +62,33 @@ bool wanted(const Options& options, const Room& room) {
   return std::find(options.rooms.begin(), options.rooms.end(), room.patches) != options.rooms.end();
 }
 
+/// The rooms, the scene that is named, and the sizes of --growth, assembled instead of multiplied with.
+void assemblies(const Options& options, const BenchPlan& plan, Console& console, const RowSink& add) {
+  AssemblyPlan assembly{plan.devices, {}, plan.repetitions, false};
+  assembly.options.budget = budget_of(accuracy_of(options.accuracy));
+  const auto file = [&](const char* name) { return (std::filesystem::path(plan.folder) / name).string(); };
+  SceneOptions scene;
+  for (const Room& room : study_rooms()) {
+    if (!options.scene.empty() && options.rooms.empty()) break;
+    if (!wanted(options, room)) continue;
+    scene.file = file(room.file);
+    scene.divide = room.divide;
+    add(bench_assembly(assembly, scene, "", console));
+  }
+  if (!options.scene.empty()) {
+    scene.file = options.scene;
+    scene.divide = 1;
+    add(bench_assembly(assembly, scene, "", console));
+  }
+  scene.file = file("room-1312.obj");
+  scene.divide.reset();
+  assembly.growth = true;
+  for (std::uint32_t n = 1000; options.growth && n <= options.growth_max; n *= 2) {
+    scene.patches = n;
+    add(bench_assembly(assembly, scene, "", console));
+  }
+}
+
 BenchRun measured(const Options& options, const std::vector<std::string>& ids, Console& console) {
   std::vector<DeviceInfo> infos;
   infos.reserve(ids.size());
@@ -73,6 +103,11 @@ BenchRun measured(const Options& options, const std::vector<std::string>& ids, C
     std::fflush(stdout);
     run.rows.insert(run.rows.end(), more.begin(), more.end());
   };
+  if (options.assembly) {
+    assemblies(options, plan, console, add);
+    set_spread(run.header, run.rows);
+    return run;
+  }
   const std::vector<BenchRow> devices = bench_devices(ids, options.repetitions);
   add(devices);
   const auto prepare = [&](std::uint32_t n) {
@@ -197,6 +232,15 @@ void add_measuring(CLI::App& command, Options& options) {
   command.add_option("--growth-max", options.growth_max, "end --growth at so many patches")
       ->check(number(0U, 1'000'000U))
       ->capture_default_str();
+  command.add_flag("--assembly", options.assembly,
+                   "the form factors themselves instead of products with them: of the rooms, of --scene, of --growth's "
+                   "sizes; the Embree path and devices in turn");
+  command.add_option("--scene", options.scene, "with --assembly: a scene file, cut with --divide 1")
+      ->check(file_name())
+      ->needs("--assembly");
+  command.add_option("--accuracy", options.accuracy, "with --assembly: low, medium, high, or a row sum's rms error")
+      ->needs("--assembly")
+      ->capture_default_str();
   command.add_option("--repetitions", options.repetitions, "timed passes of each")
       ->check(number(0U, 1000U))
       ->capture_default_str();
@@ -225,11 +269,14 @@ void add_bench(CLI::App& program, Action& action) {
   auto* study = command.add_flag("--study", options->study, "print the 2014 study's tables with our figures beside");
   add_measuring(command, *options);
   add_files(command, *options);
-  for (const char* other : {"--peers", "--storage", "--random", "--growth", "--csv", "--plot", "--compare", "--from"}) {
+  for (const char* other :
+       {"--peers", "--storage", "--random", "--growth", "--assembly", "--csv", "--plot", "--compare", "--from"}) {
     study->excludes(command.get_option(other));
   }
-  for (const char* other :
-       {"--peers", "--room", "--storage", "--random", "--growth", "--growth-max", "--device", "--scenes"}) {
+  for (const char* other : {"--peers", "--random"})
+    command.get_option("--assembly")->excludes(command.get_option(other));
+  for (const char* other : {"--peers", "--room", "--storage", "--random", "--growth", "--growth-max", "--device",
+                            "--scenes", "--assembly"}) {
     command.get_option("--from")->excludes(command.get_option(other));
   }
   command.add_flag("--quiet", options->quiet, "no progress and no warnings");

@@ -84,7 +84,10 @@ ordered_json to_json(const BenchRow& row) {
           {"share_of_ceiling", number(row.share_of_ceiling())},
           {"launches", row.launches},
           {"launch_share", number(row.launch_share)},
-          {"note", row.note}};
+          {"note", row.note},
+          {"rays", row.rays},
+          {"trace_ratio", number(row.trace_ratio)},
+          {"embree_ratio", number(row.embree_ratio)}};
 }
 
 std::string csv_header() {

@@ -28,6 +28,10 @@ struct BenchRow {
   std::optional<double> launch_share;   ///< launches times the measured time of one / seconds
   std::optional<double> ceiling;  ///< GB/s that the device's measured bandwidth allows this mix of reads and writes
   std::string note;               ///< what else there is to know, one line
+  // Of an assembly.
+  std::uint64_t rays = 0;              ///< shadow rays traced
+  std::optional<double> trace_ratio;   ///< seconds / (seconds inside Embree for the same rays)
+  std::optional<double> embree_ratio;  ///< (seconds of the Embree path, same passes) / seconds
   [[nodiscard]] double gb_per_s() const { return seconds > 0 ? static_cast<double>(bytes) / seconds * 1e-9 : 0; }
   /// GB/s over the ceiling.
   [[nodiscard]] std::optional<double> share_of_ceiling() const;

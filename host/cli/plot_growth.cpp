@@ -34,6 +34,12 @@ void draw_field(Svg& svg, const std::vector<Growth>& growth, const Field& field)
   draw_axes(svg, x, y, "patches", field.name, &count, field.label);
   for (std::size_t k = 0; k < growth.size(); ++k) {
     const Growth& one = growth[k];
+    if (one.storage == "assembly") {  // what N^2 would be, through the largest size
+      const BenchRow& first = *one.rows.front();
+      const BenchRow& last = *one.rows.back();
+      const double ratio = static_cast<double>(first.n) / last.n;
+      svg.line(x.at(first.n), y.at(field.value(last) * ratio * ratio), x.at(last.n), y.at(field.value(last)), "copy");
+    }
     if (const std::optional<PowerLaw>& law = one.*field.law) {
       const double first = one.rows.front()->n, last = one.rows.back()->n;
       svg.line(x.at(first), y.at(law->at(first)), x.at(last), y.at(law->at(last)), colour_class("line", k));
@@ -58,14 +64,15 @@ Figure growth_curves(const std::vector<Growth>& growth) {
   Figure figure;
   if (growth.empty()) return figure;
   figure.title = "Growth";
-  figure.caption = "One room cut into ever more patches; the lines are the fitted power laws.";
+  figure.caption =
+      "One room cut into ever more patches; the lines are the fitted power laws, dashed: N² through the largest of an "
+      "assembly.";
   Svg svg;
   draw_field(svg, growth,
-             {"Time per product", "seconds", [](const BenchRow& row) { return row.seconds; }, &Growth::time, &seconds,
-              80, 480});
+             {"Time", "seconds", [](const BenchRow& row) { return row.seconds; }, &Growth::time, &seconds, 80, 480});
   draw_field(svg, growth,
-             {"Bytes per product", "bytes", [](const BenchRow& row) { return static_cast<double>(row.bytes); },
-              &Growth::bytes, &bytes, 580, 980});
+             {"Bytes of F", "bytes", [](const BenchRow& row) { return static_cast<double>(row.bytes); }, &Growth::bytes,
+              &bytes, 580, 980});
   std::vector<LegendEntry> entries;
   for (std::size_t k = 0; k < growth.size(); ++k) {
     const Growth& one = growth[k];

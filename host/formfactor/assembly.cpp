@@ -4,19 +4,16 @@
 #include <omp.h>
 
 #include <algorithm>
-#include <atomic>
-#include <cmath>
-#include <exception>
 #include <map>
+#include <memory>
 #include <utility>
 
 #include "interflect/base/error.h"
 #include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
 #include "interflect/formfactor/blockers.h"
-#include "interflect/formfactor/closure.h"
+#include "interflect/formfactor/embree_tiles.h"
 #include "interflect/formfactor/hemisphere.h"
-#include "interflect/formfactor/pair_tile.h"
 #include "interflect/formfactor/patch_table.h"
 
 namespace interflect {
@@ -67,78 +64,65 @@ void check_memory(std::uint64_t n, std::uint64_t limit) {
                           n, in_units(needed), in_units(limit), fits));
 }
 
-/// Pair k of 0 <= row <= column < blocks, by rows.
-std::pair<std::size_t, std::size_t> block_pair(std::uint64_t k, std::uint64_t blocks) {
-  const auto before = [&](std::uint64_t row) { return row * blocks - row * (row - 1) / 2; };  // pairs in earlier rows
-  std::uint64_t low = 0, high = blocks;
-  while (high - low > 1) {
-    const std::uint64_t middle = (low + high) / 2;
-    (before(middle) <= k ? low : high) = middle;
-  }
-  return {low, low + (k - before(low))};
-}
-
-void store(FormFactorMatrix& f, const PatchTable& patches, const PairTile& tile, std::size_t rows,
-           std::size_t columns) {
-  constexpr std::size_t block = PairTile::block;
-  const std::size_t i0 = rows * block, j0 = columns * block;
-  const std::size_t height = std::min(block, patches.size - i0), width = std::min(block, patches.size - j0);
+/// Writes a tile of S and its mirror image.
+void store(FormFactorMatrix& s, std::size_t r, std::size_t c, std::span<const float> tile) {
+  constexpr std::size_t block = PatchTable::block;
+  const std::size_t i0 = r * block, j0 = c * block;
+  const std::size_t height = std::min<std::size_t>(block, s.size() - i0), width = std::min(block, s.size() - j0);
   for (std::size_t a = 0; a < height; ++a) {
-    const auto row = f.row(static_cast<std::uint32_t>(i0 + a));
-    const double scale = patches.area[i0 + a] > 0 ? 1 / patches.area[i0 + a] : 0;
-    for (std::size_t b = rows == columns ? a + 1 : 0; b < width; ++b) {
-      row[j0 + b] = static_cast<float>(tile.s(a, b) * scale);
-    }
+    float* row = s.row(static_cast<std::uint32_t>(i0 + a)).data() + j0;
+    for (std::size_t b = r == c ? a + 1 : 0; b < width; ++b) row[b] = tile[a * block + b];
   }
   for (std::size_t b = 0; b < width; ++b) {
-    const auto row = f.row(static_cast<std::uint32_t>(j0 + b));
-    const double scale = patches.area[j0 + b] > 0 ? 1 / patches.area[j0 + b] : 0;
-    for (std::size_t a = 0; a < (rows == columns ? b : height); ++a) {
-      row[i0 + a] = static_cast<float>(tile.s(a, b) * scale);
+    float* row = s.row(static_cast<std::uint32_t>(j0 + b)).data() + i0;
+    for (std::size_t a = 0; a < (r == c ? b : height); ++a) row[a] = tile[a * block + b];
+  }
+}
+
+/// Copies rows [first, end), which came from a store, into the columns of the rows behind them.
+void mirror(FormFactorMatrix& s, std::uint32_t first, std::uint32_t end) {
+  constexpr std::uint32_t block = PatchTable::block;
+  const std::uint32_t blocks = (s.size() - end + block - 1) / block;
+#pragma omp parallel for schedule(static)
+  for (std::uint32_t k = 0; k < blocks; ++k) {
+    const std::uint32_t j0 = end + k * block, j1 = std::min(s.size(), j0 + block);
+    for (std::uint32_t i0 = first; i0 < end; i0 += block) {
+      for (std::uint32_t j = j0; j < j1; ++j) {
+        for (std::uint32_t i = i0; i < std::min(end, i0 + block); ++i) s.row(j)[i] = std::as_const(s).row(i)[j];
+      }
     }
   }
 }
 
-/// The tiles of all block pairs. Each is written by one task alone, so the threads never meet.
-void fill(FormFactorMatrix& f, const PatchTable& patches, const Blockers& blockers, std::uint64_t seed,
-          AssemblyReport& report, ProgressSink& progress) {
-  const std::uint64_t blocks = patches.blocks(), all = blocks * (blocks + 1) / 2;
-  progress.begin("form factors", all);
-  std::uint64_t considered = 0, analytic = 0, rays = 0;
-  std::exception_ptr failure;
-  std::atomic<bool> failed = false;
-#pragma omp parallel reduction(+ : considered, analytic, rays)
-  {
-    const auto guard = [&](const auto& work) {  // no exception may leave the region
-      try {
-        work();
-      } catch (...) {
-#pragma omp critical(interflect_assembly)
-        if (!failed.exchange(true)) failure = std::current_exception();
-      }
-    };
-    std::unique_ptr<PairTile> tile;
-    guard([&] { tile = std::make_unique<PairTile>(patches, blockers, seed); });
-#pragma omp for schedule(dynamic, 4)
-    for (std::uint64_t k = 0; k < all; ++k) {
-      if (failed) continue;
-      guard([&] {
-        const auto [rows, columns] = block_pair(k, blocks);
-        if (tile->compute(rows, columns)) store(f, patches, *tile, rows, columns);
-        progress.advance(1);
-      });
+void add(AssemblyReport& report, const TileFacts& facts) {
+  report.pairs_considered += facts.pairs_considered;
+  report.pairs_analytic += facts.pairs_analytic;
+  report.rays += facts.rays;
+  report.trace_seconds += facts.trace_seconds;
+  report.tile_variance.insert(report.tile_variance.end(), facts.variance.begin(), facts.variance.end());
+}
+
+/// S of all tiles, panel by panel when there is a store.
+void fill(FormFactorMatrix& s, TileMaker& maker, PanelStore* panels, AssemblyReport& report, ProgressSink& progress) {
+  constexpr std::uint32_t block = PatchTable::block;
+  const std::uint32_t n = s.size(), blocks = (n + block - 1) / block;
+  const std::uint32_t rows = panels != nullptr ? panels->rows_per_panel() : std::max(1U, blocks) * block;
+  const TileSink sink = [&](std::size_t r, std::size_t c, std::span<const float> tile) { store(s, r, c, tile); };
+  progress.begin("form factors", tiles_in_rows(0, blocks, blocks));
+  for (std::uint32_t panel = 0; std::uint64_t{panel} * rows < n; ++panel) {
+    const std::uint32_t first = panel * rows / block, end = std::min(blocks, (panel + 1) * rows / block);
+    if (panels != nullptr && panels->has(panel)) {
+      add(report, panels->load(panel, s));
+      mirror(s, panel * rows, std::min(n, (panel + 1) * rows));
+      progress.advance(tiles_in_rows(first, end, blocks));
+      ++report.panels_reused;
+      continue;
     }
-    if (tile) {
-      considered += tile->considered();
-      analytic += tile->analytic();
-      rays += tile->rays();
-    }
+    const TileFacts facts = maker.make(first, end, sink, progress);
+    if (panels != nullptr) panels->save(panel, s, facts);
+    add(report, facts);
   }
   progress.end();
-  if (failure) std::rethrow_exception(failure);
-  report.pairs_considered = considered;
-  report.pairs_analytic = analytic;
-  report.rays = rays;
 }
 
 /// "lamp 12, table/leg 4, door 2, ...": how many of the patches lie on each object (the group where all objects have
@@ -176,65 +160,16 @@ RowSums summary(const std::vector<double>& sums, const std::vector<bool>& takes_
   return out;
 }
 
-}  // namespace
-
-FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink* progress) {
-  const Timer timer;
-  ProgressSink silent;
-  ProgressSink& sink = progress != nullptr ? *progress : silent;
-  check_memory(mesh.size(), options.memory_limit);
-
-  FormFactors out;
-  AssemblyReport& report = out.report;
-  const PatchTable patches(mesh);
-  const Blockers blockers(mesh, patches);
-  out.matrix = FormFactorMatrix(static_cast<std::uint32_t>(mesh.size()));
-  fill(out.matrix, patches, blockers, options.seed, report, sink);
-
-  const HemisphereShares shares = look_around(patches, blockers.visibility(), blockers.two_sided(), options.seed);
-  report.row_sum = out.matrix.row_sums();
-  std::vector<bool> takes_part(mesh.size());
-  for (std::uint32_t i = 0; i < mesh.size(); ++i) {
-    takes_part[i] = report.row_sum[i] >= buried_below && static_cast<double>(shares.back[i]) <= 1 - buried_below;
-  }
-  // What sees nothing cannot open a scene: a cupboard's back that coincides with the wall looks out through it.
-  report.escape_fraction = HemisphereShares::mean(patches, shares.escape, takes_part);
-  report.back_fraction = HemisphereShares::mean(patches, shares.back, takes_part);
-  report.closed_scene =
-      std::count(takes_part.begin(), takes_part.end(), true) > 0 && report.escape_fraction < closed_below;
-
-  const bool close = options.closure == Closure::on || (options.closure == Closure::automatic && report.closed_scene);
-  for (std::uint32_t i = 0; i < mesh.size(); ++i) {
-    if (!close) takes_part[i] = true;
-    if (!takes_part[i]) report.set_aside.push_back(i);
-  }
-  report.before = summary(report.row_sum, takes_part);
-
-  Scaling scaling;
-  if (close) {
-    scaling = scale_to_closure(out.matrix, patches.area, takes_part, closure_target);
-    report.closure_applied = true;
-  } else if (options.closure == Closure::automatic) {
-    scaling = cap_row_sums(out.matrix, report.row_sum);
-  }
-  report.closure_iterations = scaling.iterations;
-  report.closure_max_change = scaling.max_change;
-  if (scaling.iterations > 0) report.row_sum = out.matrix.row_sums();
-  report.after = summary(report.row_sum, takes_part);
-
-  if (close && !report.closed_scene) {
+/// "closure forced ...": what a user should know of the closure.
+void warn(const PatchMesh& mesh, const HemisphereShares& shares, const Scaling& scaling, AssemblyReport& report) {
+  if (report.closure_applied && !report.closed_scene) {
     report.warnings.push_back(fmt::format(
         "closure forced on an open scene: {:.2f} % of the light that would leave it is given to the patches in sight",
         100 * report.escape_fraction));
   }
-  if (close && scaling.residual > closure_promise) {
+  if (report.closure_applied && scaling.residual > closure_promise) {
     report.warnings.push_back(fmt::format("closure: a row sum is still off by {:.2g} after {} iterations",
                                           scaling.residual, scaling.iterations));
-  }
-  if (!scaling.moved.empty()) {
-    report.warnings.push_back(
-        fmt::format("closure moved the factors of {} patches by more than {:.0f} %, one factor by {:.0f} %: {}",
-                    scaling.moved.size(), 100 * moved_much, 100 * scaling.max_change, where(mesh, scaling.moved)));
   }
   if (!report.set_aside.empty()) {
     const auto outward = std::count_if(report.set_aside.begin(), report.set_aside.end(),
@@ -246,6 +181,78 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
     report.warnings.push_back(fmt::format("{} patches see next to nothing ({}) and are left out of the closure: {}",
                                           report.set_aside.size(), cause, where(mesh, report.set_aside)));
   }
+}
+
+}  // namespace
+
+Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& blockers,
+              const AssemblyOptions& options, const ExchangeProduct& product, AssemblyReport& report) {
+  const std::size_t n = mesh.size();
+  const HemisphereShares shares = look_around(patches, blockers.visibility(), blockers.two_sided(), options.seed);
+  const std::vector<double> area(patches.area.begin(), patches.area.begin() + static_cast<std::ptrdiff_t>(n));
+  report.row_sum = row_sums_of(product, area, std::vector<double>(n, 1.0));
+  std::vector<bool> takes_part(n);
+  for (std::uint32_t i = 0; i < n; ++i) {
+    takes_part[i] = report.row_sum[i] >= buried_below && static_cast<double>(shares.back[i]) <= 1 - buried_below;
+  }
+  // What sees nothing cannot open a scene: a cupboard's back that coincides with the wall looks out through it.
+  report.escape_fraction = HemisphereShares::mean(patches, shares.escape, takes_part);
+  report.back_fraction = HemisphereShares::mean(patches, shares.back, takes_part);
+  report.closed_scene =
+      std::count(takes_part.begin(), takes_part.end(), true) > 0 && report.escape_fraction < closed_below;
+
+  const bool close = options.closure == Closure::on || (options.closure == Closure::automatic && report.closed_scene);
+  for (std::uint32_t i = 0; i < n; ++i) {
+    if (!close) takes_part[i] = true;
+    if (!takes_part[i]) report.set_aside.push_back(i);
+  }
+  report.before = summary(report.row_sum, takes_part);
+  report.row_sum_before = report.row_sum;
+
+  Scaling scaling;
+  if (close) {
+    scaling = scale_to_closure(product, area, takes_part, closure_target);
+    report.closure_applied = true;
+  } else if (options.closure == Closure::automatic) {
+    scaling = cap_row_sums(report.row_sum);
+  } else {
+    scaling.d.assign(n, 1.0);
+  }
+  report.closure_iterations = scaling.iterations;
+  if (scaling.iterations > 0) report.row_sum = row_sums_of(product, area, scaling.d);
+  report.after = summary(report.row_sum, takes_part);
+  warn(mesh, shares, scaling, report);
+  return scaling;
+}
+
+void note_change(const PatchMesh& mesh, const Scaling& scaling, AssemblyReport& report) {
+  report.closure_max_change = scaling.max_change;
+  if (scaling.moved.empty()) return;
+  report.warnings.push_back(
+      fmt::format("closure moved the factors of {} patches by more than {:.0f} %, one factor by {:.0f} %: {}",
+                  scaling.moved.size(), 100 * moved_much, 100 * scaling.max_change, where(mesh, scaling.moved)));
+}
+
+FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink* progress) {
+  const Timer timer;
+  ProgressSink silent;
+  ProgressSink& sink = progress != nullptr ? *progress : silent;
+  check_memory(mesh.size(), options.memory_limit);
+
+  FormFactors out;
+  AssemblyReport& report = out.report;
+  const PatchTable patches(mesh);
+  const Blockers blockers(mesh, patches);
+  const auto n = static_cast<std::uint32_t>(mesh.size());
+  out.matrix = FormFactorMatrix(n);
+  EmbreeTiles embree(patches, blockers, options.budget, options.seed);
+  std::unique_ptr<TileMaker> other = options.maker ? options.maker(patches, blockers) : nullptr;
+  fill(out.matrix, other ? *other : embree, options.panels, report, sink);
+
+  Scaling scaling = judge(mesh, patches, blockers, options, exchange_product(out.matrix), report);
+  make_form_factors(out.matrix, patches.area, scaling);
+  note_change(mesh, scaling, report);
+  report.scaling = std::move(scaling.d);
   report.seconds = timer.seconds();
   return out;
 }

@@ -1,11 +1,18 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "interflect/base/progress.h"
+#include "interflect/formfactor/blockers.h"
+#include "interflect/formfactor/closure.h"
 #include "interflect/formfactor/form_factor_matrix.h"
+#include "interflect/formfactor/pair_tile.h"
+#include "interflect/formfactor/panel_store.h"
+#include "interflect/formfactor/tile_maker.h"
 #include "interflect/scene/patch_mesh.h"
 
 namespace interflect {
@@ -20,6 +27,10 @@ struct AssemblyOptions {
   Closure closure = Closure::automatic;
   std::uint64_t memory_limit = 0;  ///< bytes; 0: available_memory(). More than this predicted is a limit Error.
   std::uint64_t seed = 1;          ///< of the visibility samples; the result does not depend on the number of threads
+  RayBudget budget = {};           ///< how accurate
+  PanelStore* panels = nullptr;    ///< takes S panel by panel, and gives what it has
+  /// Makes the tiles instead of Embree; null, or what it returns when it is: Embree. Patches and blockers live longer.
+  std::function<std::unique_ptr<TileMaker>(const PatchTable& patches, const Blockers& blockers)> maker = {};
 };
 
 /// Row sums Σ_j F_ij over the patches that are not set aside.
@@ -41,11 +52,16 @@ struct AssemblyReport {
   /// backs. Left out of the closure (d = 1; what the others see of them counts towards the others' row sums). Empty
   /// where no closure was applied.
   std::vector<std::uint32_t> set_aside;
-  std::vector<double> row_sum;  ///< after closure, one per patch
+  std::vector<double> row_sum;         ///< after closure, one per patch
+  std::vector<double> row_sum_before;  ///< as computed
+  std::vector<double> scaling;         ///< d of the closure: F_ij = S_ij (d_i / A_i) d_j
+  std::vector<float> tile_variance;    ///< TileFacts::variance of all tile rows
+  std::uint32_t panels_reused = 0;     ///< that the store had
   std::vector<std::string> warnings;
   std::uint64_t pairs_considered = 0;  ///< i < j that face each other, at least in part
   std::uint64_t pairs_analytic = 0;    ///< of them by the contour form
   std::uint64_t rays = 0;              ///< shadow rays traced
+  double trace_seconds = 0;            ///< of `seconds` inside Embree, a thread's share; 0 elsewhere
   double seconds = 0;
 };
 
@@ -54,13 +70,21 @@ struct FormFactors {
   AssemblyReport report;
 };
 
-/// Computes S_ij = A_i F_ij once per pair i < j and stores F_ij = S_ij / A_i, F_ji = S_ij / A_j:
+/// Computes the exchange area S_ij = A_i F_ij once per pair i < j, in single precision, so that S is symmetric to the
+/// bit; then F_ij = S_ij (d_i / A_i) d_j:
 ///   S_ij = ∫_Ai ∫_Aj V(x, y) cosθ_x cosθ_y / (π |x − y|²) dy dx
-/// Near pairs by the contour form, far pairs by quadrature, V by rays through Embree. With closure S is scaled to
-/// diag(d) S diag(d) so that every row sum is 1 within 1e-4.
-/// Throws a limit Error, before any work, when the memory will not do.
+/// Near pairs by the contour form, far pairs by quadrature, V by shadow rays. With closure d makes every row sum 1
+/// within 1e-4.
+/// Throws a limit Error, before any work, when the memory will not do, and what maker and panels throw.
 [[nodiscard]] FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options = {},
                                    ProgressSink* progress = nullptr);
+
+/// What follows once S is known, wherever it lies: judges whether the scene is closed, finds d, and reports. The caller
+/// makes F of S and d, and then calls note_change(). `report` has the facts of the tiles already.
+[[nodiscard]] Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& blockers,
+                            const AssemblyOptions& options, const ExchangeProduct& product, AssemblyReport& report);
+/// Notes how far the scaling moved the factors, when Scaling::max_change is known.
+void note_change(const PatchMesh& mesh, const Scaling& scaling, AssemblyReport& report);
 
 /// F between groups of patches: factors[a][b] = Σ_{i∈a} Σ_{j∈b} A_i F_ij / Σ_{i∈a} A_i. Groups of obstructions have no
 /// row and no column.

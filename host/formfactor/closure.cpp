@@ -9,45 +9,20 @@ namespace interflect {
 
 namespace {
 
-/// F_ij ← d_i F_ij d_j.
-void apply(FormFactorMatrix& f, const std::vector<double>& d, Scaling& report) {
-  const std::vector<float> x(d.begin(), d.end());
-  double max_change = 0;
-#pragma omp parallel for schedule(static) reduction(max : max_change)
-  for (std::uint32_t i = 0; i < f.size(); ++i) {
-    const auto [low, high] = simd::scale(f.row(i), x[i], x);
-    if (low > high) continue;  // an empty row
-    max_change = std::max(
-        {max_change, std::abs(d[i] * static_cast<double>(low) - 1), std::abs(d[i] * static_cast<double>(high) - 1)});
-  }
-  report.max_change = max_change;
-  for (std::uint32_t i = 0; i < f.size(); ++i) {
-    if (std::abs(d[i] - 1) > moved_much) report.moved.push_back(i);
-  }
-}
-
-/// F x.
-std::vector<double> product(const FormFactorMatrix& f, const std::vector<float>& x) {
-  std::vector<double> y(f.size());
-#pragma omp parallel for schedule(static)
-  for (std::uint32_t i = 0; i < f.size(); ++i) y[i] = simd::dot(f.row(i), x);
-  return y;
-}
-
 /// The scaling problem in x = ln d: minimise ½ Σ e^{x_i + x_j} S_ij − Σ A_i x_i, which is convex.
 /// Its gradient is A_i (r_i − 1) with the row sums r = d ∘ (F d), its Hessian diag(A r) + diag(d) S diag(d).
 class Balance {
  public:
-  Balance(const FormFactorMatrix& f, const std::vector<double>& area, const std::vector<bool>& takes_part)
-      : f_(f), area_(area), takes_part_(takes_part), d(f.size(), 1.0) {}
+  Balance(const ExchangeProduct& product, const std::vector<double>& area, const std::vector<bool>& takes_part)
+      : product_(product), area_(area), takes_part_(takes_part), d(area.size(), 1.0) {}
 
   /// Row sums at d; counts a product.
   void evaluate() {
     const std::vector<float> x(d.begin(), d.end());
-    row_sum = product(f_, x);
+    row_sum = product_(x);
     residual = 0;
     for (std::size_t i = 0; i < d.size(); ++i) {
-      row_sum[i] *= d[i];
+      row_sum[i] = area_[i] > 0 ? row_sum[i] * d[i] / area_[i] : 0;
       if (takes_part_[i]) residual = std::max(residual, std::abs(row_sum[i] - 1));
     }
     ++products;
@@ -96,7 +71,7 @@ class Balance {
   }
 
  private:
-  const FormFactorMatrix& f_;
+  const ExchangeProduct& product_;
   const std::vector<double>& area_;
   const std::vector<bool>& takes_part_;
 
@@ -105,9 +80,9 @@ class Balance {
   std::vector<double> hessian(const std::vector<double>& p) {
     std::vector<float> x(p.size());
     for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<float>(takes_part_[i] ? d[i] * p[i] : 0);
-    std::vector<double> out = product(f_, x);
+    std::vector<double> out = product_(x);
     for (std::size_t i = 0; i < x.size(); ++i) {
-      out[i] = takes_part_[i] ? diagonal(i) * p[i] + area_[i] * d[i] * out[i] : 0;
+      out[i] = takes_part_[i] ? diagonal(i) * p[i] + d[i] * out[i] : 0;
     }
     ++products;
     return out;
@@ -119,13 +94,20 @@ class Balance {
   std::uint32_t products = 0;
 };
 
+void note_moved(Scaling& scaling) {
+  for (std::uint32_t i = 0; i < scaling.d.size(); ++i) {
+    if (std::abs(scaling.d[i] - 1) > moved_much) scaling.moved.push_back(i);
+  }
+}
+
 }  // namespace
 
-Scaling scale_to_closure(FormFactorMatrix& f, const std::vector<double>& area, const std::vector<bool>& takes_part,
-                         double tolerance, std::uint32_t most) {
-  Balance balance(f, area, takes_part);
+Scaling scale_to_closure(const ExchangeProduct& product, const std::vector<double>& area,
+                         const std::vector<bool>& takes_part, double tolerance, std::uint32_t most) {
+  Balance balance(product, area, takes_part);
   balance.evaluate();
-  std::vector<double> best = balance.d;
+  Scaling report;
+  report.d = balance.d;
   double least = balance.residual;
   // Far from the goal the damped step is the safe one, near it Newton's is the fast one. A goal that cannot be reached
   // (two patches of unequal area that see only each other) ends by not coming nearer.
@@ -139,26 +121,55 @@ Scaling scale_to_closure(FormFactorMatrix& f, const std::vector<double>& area, c
     idle = balance.residual < 0.9 * least ? 0 : idle + 1;
     if (balance.residual < least) {
       least = balance.residual;
-      best = balance.d;
+      report.d = balance.d;
     }
   }
-  Scaling report;
   report.iterations = balance.products - 1;
   report.residual = least;
-  if (report.iterations > 0) apply(f, best, report);
+  note_moved(report);
   return report;
 }
 
-Scaling cap_row_sums(FormFactorMatrix& f, const std::vector<double>& row_sums) {
+Scaling cap_row_sums(const std::vector<double>& row_sums) {
   Scaling report;
-  std::vector<double> d(f.size(), 1.0);
-  for (std::uint32_t i = 0; i < f.size(); ++i) {
+  report.d.assign(row_sums.size(), 1.0);
+  for (std::size_t i = 0; i < row_sums.size(); ++i) {
     if (!(row_sums[i] > 1)) continue;
-    d[i] = (1 - 1e-7) / row_sums[i];
+    report.d[i] = (1 - 1e-7) / row_sums[i];
     report.iterations = 1;
   }
-  if (report.iterations > 0) apply(f, d, report);
+  note_moved(report);
   return report;
+}
+
+ExchangeProduct exchange_product(const FormFactorMatrix& s) {
+  return [&s](const std::vector<float>& x) {
+    std::vector<double> y(s.size());
+#pragma omp parallel for schedule(static)
+    for (std::uint32_t i = 0; i < s.size(); ++i) y[i] = simd::dot(s.row(i), x);
+    return y;
+  };
+}
+
+std::vector<double> row_sums_of(const ExchangeProduct& product, const std::vector<double>& area,
+                                const std::vector<double>& d) {
+  std::vector<double> sums = product({d.begin(), d.end()});
+  for (std::size_t i = 0; i < sums.size(); ++i) sums[i] = area[i] > 0 ? sums[i] * d[i] / area[i] : 0;
+  return sums;
+}
+
+void make_form_factors(FormFactorMatrix& s, const std::vector<double>& area, Scaling& scaling) {
+  const std::vector<double>& d = scaling.d;
+  const std::vector<float> x(d.begin(), d.end());
+  double max_change = 0;
+#pragma omp parallel for schedule(static) reduction(max : max_change)
+  for (std::uint32_t i = 0; i < s.size(); ++i) {
+    const auto [low, high] = simd::scale(s.row(i), area[i] > 0 ? static_cast<float>(d[i] / area[i]) : 0.0F, x);
+    if (low > high) continue;  // an empty row
+    max_change = std::max(
+        {max_change, std::abs(d[i] * static_cast<double>(low) - 1), std::abs(d[i] * static_cast<double>(high) - 1)});
+  }
+  scaling.max_change = max_change;
 }
 
 }  // namespace interflect

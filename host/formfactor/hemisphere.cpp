@@ -57,12 +57,13 @@ HemisphereShares look_around(const PatchTable& patches, const Visibility& visibi
     const Frame axes = frame(patches.front(i));
     const std::uint64_t h = sampling::hash(seed + 0x68656d69, i);
     const std::uint64_t g = sampling::hash(h, i);
+    const Vec3 ab = corners[1] - corners[0], ac = corners[2] - corners[0];
     std::uint32_t escaped = 0, backs = 0;
     for (std::uint32_t k = 0; k < rays; ++k) {
       const auto& step = sampling::step4;
-      const Vec3 start = sampling::on_triangle(corners, {static_cast<std::uint32_t>(h) + k * step[0],
-                                                         static_cast<std::uint32_t>(h >> 32) + k * step[1]}) +
-                         lift * axes.n;
+      const auto [u, v] = sampling::in_triangle(sampling::unit(static_cast<std::uint32_t>(h) + k * step[0]),
+                                                sampling::unit(static_cast<std::uint32_t>(h >> 32) + k * step[1]));
+      const Vec3 start = corners[0] + static_cast<double>(u) * ab + static_cast<double>(v) * ac + lift * axes.n;
       const Vec3 d = cosine_direction(
           axes, {static_cast<std::uint32_t>(g) + k * step[2], static_cast<std::uint32_t>(g >> 32) + k * step[3]});
       const auto hit =

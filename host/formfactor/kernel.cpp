@@ -252,14 +252,14 @@ double quadrature(const Polygon& a, const Polygon& b, int points) {
   return sum / std::numbers::pi;
 }
 
-double unoccluded(const Polygon& a, const Polygon& b) {
+double unoccluded(const Polygon& a, const Polygon& b, const Ratios& ratios) {
   const Vec3 ca = centroid(a), cb = centroid(b);
   double ra = 0, rb = 0;
   for (const Vec3 p : a.corners()) ra = std::max(ra, dot(p - ca, p - ca));
   for (const Vec3 p : b.corners()) rb = std::max(rb, dot(p - cb, p - cb));
   const double ratio2 = dot(ca - cb, ca - cb) / squared(std::sqrt(ra) + std::sqrt(rb));
-  if (ratio2 > squared(ratio_of_three_points)) return quadrature(a, b, 3);
-  if (ratio2 > squared(ratio_of_six_points)) return quadrature(a, b, 6);
+  if (ratio2 > squared(static_cast<double>(ratios.three_points))) return quadrature(a, b, 3);
+  if (ratio2 > squared(static_cast<double>(ratios.six_points))) return quadrature(a, b, 6);
   return contour(a, b);
 }
 

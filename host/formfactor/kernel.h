@@ -50,12 +50,13 @@ struct Plane {
 
 /// Distance of the centroids over the sum of the radii (largest distance of a corner from the centroid) from which 3 x
 /// 3 or 6 x 6 points do; the contour form below. Measured against the contour form on random pairs of triangles
-/// (tests/formfactor/kernel_test.cpp): there the quadrature is off by at most 5e-6 of F, rms 2e-4 and 5e-5 of S. A pair
-/// of facets of a sphere just beyond the contour's limit was seen 2.2e-5 of F off (0.3 % of its S).
-inline constexpr double ratio_of_three_points = 3.0;
-inline constexpr double ratio_of_six_points = 1.5;
+/// (tests/formfactor/kernel_test.cpp): with these ratios the quadrature is off by at most 5e-6 of F, rms 2e-4 and 5e-5
+/// of S. A pair of facets of a sphere just beyond the contour's limit was seen 2.2e-5 of F off (0.3 % of its S).
+struct Ratios {
+  float three_points = 3.0F, six_points = 1.5F;
+};
 
 /// S by whichever of the above fits the distance.
-[[nodiscard]] double unoccluded(const Polygon& a, const Polygon& b);
+[[nodiscard]] double unoccluded(const Polygon& a, const Polygon& b, const Ratios& ratios = {});
 
 }  // namespace interflect::kernel

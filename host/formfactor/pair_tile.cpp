@@ -4,11 +4,10 @@
 #include <cmath>
 #include <limits>
 
-#include "interflect/formfactor/sampling.h"
-
 namespace interflect {
 
 using kernel::Polygon;
+using sampling::Facet;
 using simd::PairKind;
 
 namespace {
@@ -29,7 +28,7 @@ PairTile::PairTile(const PatchTable& patches, const Blockers& blockers, std::uin
       blockers_(blockers),
       seed_(seed),
       budget_(budget),
-      lift_(lift_of_extent * patches.extent),
+      lift_(static_cast<float>(lift_of_extent * patches.extent)),
       s_(pairs),
       kind_(pairs),
       factor_(pairs),
@@ -59,7 +58,7 @@ bool PairTile::compute(std::size_t rows, std::size_t columns) {
   if (!anything_between(rows, columns)) return true;
   slots_.assign(pairs, {});
   cut_.clear();
-  load_shapes();
+  load_facets();
   trace_pilot();
   trace_mixed();
   for (std::size_t pair = 0; pair < pairs; ++pair) {
@@ -78,7 +77,7 @@ bool PairTile::compute(std::size_t rows, std::size_t columns) {
 
 /// Whether anything can hide one of the tile's pairs.
 bool PairTile::anything_between(std::size_t rows, std::size_t columns) {
-  Shaft shaft(boxes_[rows], boxes_[columns], 2 * lift_);
+  Shaft shaft(boxes_[rows], boxes_[columns], 2 * static_cast<double>(lift_));
   shaft.behind = std::numeric_limits<double>::infinity();
   std::array<bool, block> row_takes_part{}, column_takes_part{};
   for (std::size_t pair = 0; pair < pairs; ++pair) {
@@ -98,17 +97,14 @@ bool PairTile::anything_between(std::size_t rows, std::size_t columns) {
   return blockers_.any_in(shaft, hint_);
 }
 
-void PairTile::load_shapes() {
+void PairTile::load_facets() {
   for (std::size_t k = 0; k < block; ++k) {
-    row_hash_[k] = sampling::hash(seed_, static_cast<std::uint32_t>(first_row_ + k));
-    column_hash_[k] = sampling::hash(seed_ + 1, static_cast<std::uint32_t>(first_column_ + k));
-    if (first_row_ + k < patches_.size) row_shape_[k] = whole(first_row_ + k);
-    if (first_column_ + k < patches_.size) column_shape_[k] = whole(first_column_ + k);
+    const std::size_t i = first_row_ + k, j = first_column_ + k;
+    row_word_[k] = sampling::word(seed_, static_cast<std::uint32_t>(i));
+    column_word_[k] = sampling::word(seed_ + 1, static_cast<std::uint32_t>(j));
+    if (i < patches_.size) row_facet_[k] = {whole(i), patches_.front(i)};
+    if (j < patches_.size) column_facet_[k] = {whole(j), patches_.front(j)};
   }
-}
-
-PairTile::Shape PairTile::whole(std::size_t patch) const {
-  return {Polygon(patches_.triangle(patch)), 1, patches_.front(patch)};
 }
 
 /// Leaves S unoccluded in s_, and none in kind_ where it is 0.
@@ -130,7 +126,7 @@ void PairTile::find_kinds(std::size_t rows, std::size_t columns) {
     const std::size_t i = first_row_ + a;
     if (!may_see(i, boxes_[columns])) continue;
     const auto kinds = std::span(kind_).subspan(a * block).first<block>();
-    simd::classify(patches_, i, first_column_, kinds, std::span(s_).subspan(a * block).first<block>());
+    simd::classify(patches_, budget_.ratios, i, first_column_, kinds, std::span(s_).subspan(a * block).first<block>());
     for (std::size_t b = 0; b < block; ++b) {
       const std::size_t pair = a * block + b;
       if (!column_sees[b] || first_column_ + b <= i) kind_[pair] = PairKind::none;
@@ -145,16 +141,14 @@ void PairTile::finish_kind(std::size_t pair, std::size_t i, std::size_t j) {
   switch (kind_[pair]) {
     case PairKind::none: return;
     case PairKind::far: break;
-    case PairKind::middle:
-      s = kernel::quadrature(Polygon(patches_.triangle(i)), Polygon(patches_.triangle(j)), 6);
-      break;
+    case PairKind::middle: s = kernel::quadrature(whole(i), whole(j), 6); break;
     case PairKind::near:
-      s = kernel::contour(Polygon(patches_.triangle(i)), Polygon(patches_.triangle(j)));
+      s = kernel::contour(whole(i), whole(j));
       ++analytic_;
       break;
     case PairKind::straddle: {
-      const Polygon a = part_in_front(i, j).polygon, b = part_in_front(j, i).polygon;
-      s = a.size == 0 || b.size == 0 ? 0 : kernel::unoccluded(a, b);
+      const Polygon a = part_in_front(i, j), b = part_in_front(j, i);
+      s = a.size == 0 || b.size == 0 ? 0 : kernel::unoccluded(a, b, budget_.ratios);
       ++analytic_;
       break;
     }
@@ -163,24 +157,20 @@ void PairTile::finish_kind(std::size_t pair, std::size_t i, std::size_t j) {
   if (!(s > negligible_factor * std::min(patches_.area[i], patches_.area[j]))) kind_[pair] = PairKind::none;
 }
 
-PairTile::Shape PairTile::part_in_front(std::size_t patch, std::size_t other) const {
-  Shape out{kernel::clip(patches_.triangle(patch), patches_.plane(other)), 1, patches_.front(patch)};
-  if (out.polygon.size == 4) {
-    const double first = kernel::area(Polygon(out.polygon.fan(0))), second = kernel::area(Polygon(out.polygon.fan(1)));
-    out.share_of_first = first + second > 0 ? first / (first + second) : 1;
-  }
-  return out;
+std::uint32_t PairTile::pilot_rays(float factor) const {
+  const float rays = std::ceil(budget_.pilot_per_factor * factor);
+  return static_cast<std::uint32_t>(std::clamp(rays, 1.0F, static_cast<float>(budget_.most_in_pilot)));
 }
 
-std::uint32_t PairTile::pilot_rays(double factor) const {
-  if (budget_.pilot_per_factor * factor <= 1) return 1;
-  return static_cast<std::uint32_t>(std::clamp(std::ceil(budget_.pilot_per_factor * factor), 1.0, 64.0));
+std::uint32_t PairTile::all_rays(float factor) const {
+  return static_cast<std::uint32_t>(std::min(budget_.rays_per_factor * factor, static_cast<float>(budget_.most)));
 }
 
 void PairTile::trace_pilot() {
   for (std::size_t pair = 0; pair < pairs; ++pair) {
     if (kind_[pair] == PairKind::none) continue;
-    factor_[pair] = s_[pair] / std::min(patches_.area[row_patch(pair)], patches_.area[column_patch(pair)]);
+    factor_[pair] =
+        static_cast<float>(s_[pair] / std::min(patches_.area[row_patch(pair)], patches_.area[column_patch(pair)]));
     pilot_[pair] = pilot_rays(factor_[pair]);
     add_rays_of_pair(pair, 0, pilot_[pair]);
   }
@@ -223,12 +213,11 @@ void PairTile::trace_mixed() {
   }
   for (std::size_t pair = 0; pair < pairs; ++pair) {
     if (!mixed[pair]) continue;
-    const double f = factor_[pair];
-    if (f >= budget_.split_from && kind_[pair] != PairKind::far) {
-      trace_cut(pair, f);
+    if (factor_[pair] >= budget_.split_from && kind_[pair] != PairKind::far) {
+      trace_cut(pair);
       continue;
     }
-    const auto wanted = static_cast<std::uint32_t>(std::min<double>(budget_.rays_per_factor * f, budget_.most));
+    const std::uint32_t wanted = all_rays(factor_[pair]);
     const std::uint32_t have = pilot_[pair], all = std::max(wanted, budget_.fewest_when_mixed);
     if (all <= have) continue;
     add_rays_of_pair(pair, have, all - have);
@@ -253,20 +242,21 @@ std::vector<std::array<Vec3, 3>> quarters(const Polygon& polygon) {
 
 /// Both patches in quarters: exact S of the pieces with rays of their own, so that the kernel's peaks (near a common
 /// edge) do not meet the coarse sampling of V.
-void PairTile::trace_cut(std::size_t pair, double factor) {
+void PairTile::trace_cut(std::size_t pair) {
   const std::size_t i = row_patch(pair), j = column_patch(pair);
   const bool straddling = kind_[pair] == PairKind::straddle;
-  const Shape a = straddling ? part_in_front(i, j) : whole(i), b = straddling ? part_in_front(j, i) : whole(j);
   CutPair cut{pair, slots_.size(), {}};
-  const double all_rays = std::min<double>(budget_.rays_per_factor * factor, budget_.most);
-  for (const auto& x : quarters(a.polygon)) {
-    for (const auto& y : quarters(b.polygon)) {
-      const double s = kernel::unoccluded(Polygon(x), Polygon(y));
+  const auto rays_of_pair = static_cast<float>(all_rays(factor_[pair])), s_of_pair = static_cast<float>(s_[pair]);
+  for (const auto& x : quarters(straddling ? part_in_front(i, j) : whole(i))) {
+    for (const auto& y : quarters(straddling ? part_in_front(j, i) : whole(j))) {
+      const double s = kernel::unoccluded(Polygon(x), Polygon(y), budget_.ratios);
       cut.s.push_back(s);
-      const std::size_t slot = slots_.size();
       slots_.emplace_back();
-      const auto rays = static_cast<std::uint32_t>(std::max(4.0, all_rays * s / s_[pair]));
-      if (s > 0) add_rays({Polygon(x), 1, a.normal}, {Polygon(y), 1, b.normal}, pair, slot, 0, rays, true);
+      if (!(s > 0)) continue;
+      const auto rays = static_cast<std::uint32_t>(rays_of_pair * (static_cast<float>(s) / s_of_pair));
+      const Facet a(Polygon(x), patches_.front(i)), b(Polygon(y), patches_.front(j));
+      add_rays(stream(a, b, pair, slots_.size() - 1, static_cast<std::uint32_t>(cut.s.size()), true), 0,
+               std::max(rays, budget_.fewest_when_mixed));
     }
   }
   slots_[pair] = {};  // the pieces' rays replace the pair's own
@@ -277,41 +267,31 @@ void PairTile::add_rays_of_pair(std::size_t pair, std::uint32_t first, std::uint
   const bool weighted = kind_[pair] != PairKind::far;
   if (kind_[pair] == PairKind::straddle) {
     const std::size_t i = row_patch(pair), j = column_patch(pair);
-    add_rays(part_in_front(i, j), part_in_front(j, i), pair, pair, first, count, weighted);
+    const Facet a(part_in_front(i, j), patches_.front(i)), b(part_in_front(j, i), patches_.front(j));
+    add_rays(stream(a, b, pair, pair, 0, weighted), first, count);
   } else {
-    add_rays(row_shape_[pair / block], column_shape_[pair % block], pair, pair, first, count, weighted);
+    add_rays(stream(row_facet_[pair / block], column_facet_[pair % block], pair, pair, 0, weighted), first, count);
   }
 }
 
-/// Rays number first .. first + count − 1 of a pair, or of a piece of it.
-void PairTile::add_rays(const Shape& a, const Shape& b, std::size_t pair, std::size_t slot, std::uint32_t first,
-                        std::uint32_t count, bool weighted) {
-  const auto i = static_cast<std::uint32_t>(row_patch(pair)), j = static_cast<std::uint32_t>(column_patch(pair));
-  const std::uint64_t piece = slot < pairs ? 0 : slot - pairs + 1;
-  const auto from = sampling::rotated(piece == 0 ? row_hash_[pair / block] : sampling::hash(seed_ + 2 * piece, i), j);
-  const auto to =
-      sampling::rotated(piece == 0 ? column_hash_[pair % block] : sampling::hash(seed_ + 2 * piece + 1, j), i);
+PairTile::Stream PairTile::stream(const Facet& a, const Facet& b, std::size_t pair, std::size_t slot,
+                                  std::uint32_t piece, bool weighted) const {
+  return {a,
+          b,
+          sampling::start(row_word_[pair / block], static_cast<std::uint32_t>(column_patch(pair)), piece),
+          sampling::start(column_word_[pair % block], static_cast<std::uint32_t>(row_patch(pair)), piece),
+          slot,
+          weighted};
+}
+
+/// Rays number first .. first + count − 1.
+void PairTile::add_rays(const Stream& stream, std::uint32_t first, std::uint32_t count) {
   for (std::uint32_t k = first; k < first + count; ++k) {
-    const Vec3 x = sampling::on_polygon(a.polygon, {from.u + k * sampling::step4[0], from.v + k * sampling::step4[1]},
-                                        a.share_of_first);
-    const Vec3 y = sampling::on_polygon(b.polygon, {to.u + k * sampling::step4[2], to.v + k * sampling::step4[3]},
-                                        b.share_of_first);
-    const Vec3 between = y - x;
-    const double above_a = dot(a.normal, between), above_b = -dot(b.normal, between);
-    if (!(above_a > 0 && above_b > 0)) continue;  // on the other's plane, to rounding: no weight
-    const Vec3 start = x + std::min(lift_, 0.25 * above_a) * a.normal;
-    const Vec3 direction = y + std::min(lift_, 0.25 * above_b) * b.normal - start;
-    double weight = 1;
-    if (weighted) {
-      const double r2 = dot(between, between);
-      weight = above_a * above_b / (r2 * r2);
-    }
-    pending_.push_back(
-        {{static_cast<float>(start.x), static_cast<float>(start.y), static_cast<float>(start.z)},
-         0,
-         {static_cast<float>(direction.x), static_cast<float>(direction.y), static_cast<float>(direction.z)},
-         1});
-    pending_slot_.emplace_back(static_cast<std::uint32_t>(slot), static_cast<float>(weight));
+    const sampling::ShadowRay ray = sampling::shadow_ray(stream.a, stream.b, stream.from, stream.to, k, lift_);
+    if (!(ray.weight > 0)) continue;
+    const auto [o, d] = std::pair(ray.origin, ray.direction);
+    pending_.push_back({{o.x, o.y, o.z}, 0, {d.x, d.y, d.z}, 1});
+    pending_slot_.emplace_back(static_cast<std::uint32_t>(stream.slot), stream.weighted ? ray.weight : 1);
     if (pending_.size() == batch) flush();
   }
 }

@@ -7,26 +7,15 @@
 #include <span>
 #include <vector>
 
+#include "interflect/formfactor/accuracy.h"
 #include "interflect/formfactor/blockers.h"
 #include "interflect/formfactor/kernel.h"
 #include "interflect/formfactor/patch_table.h"
+#include "interflect/formfactor/sampling.h"
 #include "interflect/formfactor/simd.h"
 #include "interflect/formfactor/visibility.h"
 
 namespace interflect {
-
-/// How many shadow rays a pair gets, by F = S / min(A_i, A_j), the larger of its two form factors. n random rays would
-/// leave an error of F sqrt(v (1 − v) / n) in F, v the visible share; stratified ones leave less. With
-/// n = rays_per_factor F the squares add up, over a row that is all half-hidden, to 0.25 / rays_per_factor: 5e-3 of the
-/// row sum rms, and 1.6e-3 where one pair in ten is partly hidden.
-struct RayBudget {
-  double pilot_per_factor = 2000;  ///< first rays: F times this, 1 to 64
-  double rays_per_factor = 10000;  ///< all rays where the first ones or the neighbours disagree
-  std::uint32_t fewest_when_mixed = 4;
-  std::uint32_t most = 8192;
-  double split_from =
-      0.01;  ///< near, partly hidden pairs with F above this are cut into pieces, each with its own rays
-};
 
 /// Computes S for all pairs of two blocks of patches. One worker per thread; it owns all the memory it needs.
 class PairTile {
@@ -46,7 +35,8 @@ class PairTile {
   [[nodiscard]] std::uint64_t rays() const { return rays_; }
 
  private:
-  /// Rays are counted into slots: 0 .. block² − 1 are the pairs, those behind are pieces of pairs that were cut.
+  /// Rays are counted into slots: 0 .. block² − 1 are the pairs, those behind are pieces of pairs that were cut, in
+  /// the order of the pairs.
   struct Slot {
     float hidden = 0, total = 0;
   };
@@ -55,21 +45,24 @@ class PairTile {
     std::size_t pair, first;
     std::vector<double> s;
   };
-  struct Shape {
-    kernel::Polygon polygon;
-    double share_of_first = 1;
-    Vec3 normal;
-  };
 
   void find_kinds(std::size_t rows, std::size_t columns);
   void finish_kind(std::size_t pair, std::size_t i, std::size_t j);
-  void load_shapes();
+  void load_facets();
   [[nodiscard]] bool anything_between(std::size_t rows, std::size_t columns);
   void trace_pilot();
   void trace_mixed();
-  void trace_cut(std::size_t pair, double factor);
-  void add_rays(const Shape& a, const Shape& b, std::size_t pair, std::size_t slot, std::uint32_t first,
-                std::uint32_t count, bool weighted);
+  void trace_cut(std::size_t pair);
+  /// What the rays of a pair, or of a piece of it, run between and are counted into.
+  struct Stream {
+    const sampling::Facet &a, &b;
+    sampling::Square from, to;
+    std::size_t slot;
+    bool weighted;
+  };
+  [[nodiscard]] Stream stream(const sampling::Facet& a, const sampling::Facet& b, std::size_t pair, std::size_t slot,
+                              std::uint32_t piece, bool weighted) const;
+  void add_rays(const Stream& stream, std::uint32_t first, std::uint32_t count);
   void add_rays_of_pair(std::size_t pair, std::uint32_t first, std::uint32_t count);
   void flush();
   [[nodiscard]] bool disagrees(std::size_t pair) const;
@@ -78,25 +71,28 @@ class PairTile {
   }
   [[nodiscard]] std::size_t row_patch(std::size_t pair) const { return first_row_ + pair / block; }
   [[nodiscard]] std::size_t column_patch(std::size_t pair) const { return first_column_ + pair % block; }
-  [[nodiscard]] Shape whole(std::size_t patch) const;
-  [[nodiscard]] Shape part_in_front(std::size_t patch, std::size_t other) const;
-  [[nodiscard]] std::uint32_t pilot_rays(double factor) const;
+  [[nodiscard]] kernel::Polygon whole(std::size_t patch) const { return kernel::Polygon(patches_.triangle(patch)); }
+  [[nodiscard]] kernel::Polygon part_in_front(std::size_t patch, std::size_t other) const {
+    return kernel::clip(patches_.triangle(patch), patches_.plane(other));
+  }
+  [[nodiscard]] std::uint32_t pilot_rays(float factor) const;
+  [[nodiscard]] std::uint32_t all_rays(float factor) const;
 
   const PatchTable& patches_;
   const Blockers& blockers_;
   std::uint64_t seed_;
   RayBudget budget_;
-  double lift_;  ///< rays start and end this far above their patches
+  float lift_;  ///< rays start and end this far above their patches
   std::vector<Box> boxes_;
   std::size_t hint_ = 0;  ///< of Blockers::any_in()
   std::size_t first_row_ = 0, first_column_ = 0;
-  std::array<Shape, block> row_shape_, column_shape_;
+  std::array<sampling::Facet, block> row_facet_, column_facet_;
+  std::array<sampling::Square, block> row_word_, column_word_;
   std::vector<double> s_;
   std::vector<simd::PairKind> kind_;
-  std::vector<double> factor_;        ///< S / min(A_i, A_j), the larger of the pair's form factors
+  std::vector<float> factor_;         ///< S / min(A_i, A_j), the larger of the pair's form factors
   std::vector<std::uint32_t> pilot_;  ///< rays that the pair gets first
   std::vector<double> hidden_;        ///< share of them that ended early
-  std::array<std::uint64_t, block> row_hash_{}, column_hash_{};
   std::vector<Slot> slots_;
   std::vector<CutPair> cut_;
   std::vector<Visibility::Ray> pending_;

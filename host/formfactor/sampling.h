@@ -1,12 +1,14 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 
 #include "interflect/formfactor/kernel.h"
 
 /// Low-discrepancy points: additive recurrences in 32-bit fixed point, rotated by hashes, so that every sample is a
-/// pure function of (seed, patches, number).
+/// pure function of (seed, patches, piece, number). Beyond word() nothing here needs more than 32-bit integers and
+/// single precision: the kernels of the devices do the same, operation by operation.
 namespace interflect::sampling {
 
 /// A well-mixed function of its arguments (splitmix64's finaliser).
@@ -21,40 +23,106 @@ namespace interflect::sampling {
 /// 1 (Roberts 2018), times 2^32.
 inline constexpr std::array<std::uint32_t, 2> step2{3242174889U, 2447445415U};
 inline constexpr std::array<std::uint32_t, 4> step4{3679390609U, 3152041523U, 2700274807U, 2313257605U};
+/// How far apart the pieces of a cut pair begin.
+inline constexpr std::array<std::uint32_t, 2> piece_step{0x9E3779B9U, 0x85EBCA6BU};
 
 /// A point of the unit square in fixed point.
 struct Square {
   std::uint32_t u = 0, v = 0;
 };
 
-/// The point of [0, 1)² that (i, j) gives in a row of j, rotated by the hash of i: stratified over consecutive j.
-[[nodiscard]] constexpr Square rotated(std::uint64_t hash_of_i, std::uint32_t j) {
-  return {static_cast<std::uint32_t>(hash_of_i) + j * step2[0],
-          static_cast<std::uint32_t>(hash_of_i >> 32) + j * step2[1]};
+/// The two words by which a patch enters every pair: as the row's (i < j) with the seed, as the column's with seed + 1.
+[[nodiscard]] constexpr Square word(std::uint64_t seed, std::uint32_t patch) {
+  const std::uint64_t h = hash(seed, patch);
+  return {static_cast<std::uint32_t>(h), static_cast<std::uint32_t>(h >> 32)};
 }
+
+/// Where the samples on a patch begin in its pair with patch `other`: stratified over consecutive others. `piece` is 0
+/// for the whole pair, 1, 2, ... for the pieces of one that was cut.
+[[nodiscard]] constexpr Square start(Square word, std::uint32_t other, std::uint32_t piece = 0) {
+  return {word.u + other * step2[0] + piece * piece_step[0], word.v + other * step2[1] + piece * piece_step[1]};
+}
+
+/// Fixed point to (0, 1), exactly.
+[[nodiscard]] inline float unit(std::uint32_t s) {
+  return (static_cast<float>(s >> 9) + 0.5F) * 0x1p-23F;
+}
+
+/// The point a + u (b − a) + v (c − a) of a triangle.
+struct Inside {
+  float u, v;
+};
 
 /// The square mapped to a triangle without folding distances (Heitz, A low-distortion map between triangle and square).
-[[nodiscard]] inline Vec3 on_triangle(const std::array<Vec3, 3>& t, Square s) {
-  constexpr double unit = 1.0 / 4294967296.0;
-  double u = (s.u + 0.5) * unit, v = (s.v + 0.5) * unit;
-  if (v > u) {
-    u *= 0.5;
-    v -= u;
-  } else {
-    v *= 0.5;
-    u -= v;
-  }
-  return t[0] + u * (t[1] - t[0]) + v * (t[2] - t[0]);
+[[nodiscard]] inline Inside in_triangle(float u, float v) {
+  return v > u ? Inside{0.5F * u, v - 0.5F * u} : Inside{u - 0.5F * v, 0.5F * v};
 }
 
-/// Uniform over a polygon: its fan triangles take their shares of u.
-[[nodiscard]] inline Vec3 on_polygon(const kernel::Polygon& p, Square s, double share_of_first) {
-  if (p.size == 3) return on_triangle(p.fan(0), s);
-  const double u = (s.u + 0.5) / 4294967296.0;
-  const bool first = u < share_of_first;
-  const double within = first ? u / share_of_first : (u - share_of_first) / (1 - share_of_first);
-  const Square inner{static_cast<std::uint32_t>(within * 4294967295.0), s.v};
-  return on_triangle(p.fan(first ? 0 : 1), inner);
+struct Float3 {
+  float x = 0, y = 0, z = 0;
+};
+[[nodiscard]] inline Float3 operator+(Float3 a, Float3 b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+[[nodiscard]] inline Float3 operator-(Float3 a, Float3 b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+[[nodiscard]] inline Float3 operator*(float s, Float3 a) {
+  return {s * a.x, s * a.y, s * a.z};
+}
+[[nodiscard]] inline float dot(Float3 a, Float3 b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+[[nodiscard]] inline Float3 single(Vec3 a) {
+  return {static_cast<float>(a.x), static_cast<float>(a.y), static_cast<float>(a.z)};
+}
+
+/// What rays start from and end on: a patch, or the part of one in front of another's plane (a fan of two triangles).
+struct Facet {
+  Float3 corner, normal;
+  std::array<Float3, 3> edge;  ///< from the corner to the others; the last one in a fan of two only
+  float share_of_first = 1;    ///< of the area
+
+  Facet() = default;
+  Facet(const kernel::Polygon& p, Vec3 front) : corner(single(p.corner[0])), normal(single(front)) {
+    for (std::size_t k = 1; k < p.size; ++k) edge[k - 1] = single(p.corner[k]) - corner;
+    if (p.size != 4) return;
+    const double first = kernel::area(kernel::Polygon(p.fan(0))), second = kernel::area(kernel::Polygon(p.fan(1)));
+    if (first + second > 0) share_of_first = static_cast<float>(first / (first + second));
+  }
+
+  /// Uniform over the facet: the triangles of a fan take their shares of u.
+  [[nodiscard]] Float3 at(Square s) const {
+    const float u = unit(s.u), v = unit(s.v);
+    if (share_of_first >= 1 || u < share_of_first) {
+      const Inside in = in_triangle(share_of_first >= 1 ? u : u / share_of_first, v);
+      return corner + in.u * edge[0] + in.v * edge[1];
+    }
+    const Inside in = in_triangle((u - share_of_first) / (1 - share_of_first), v);
+    return corner + in.u * edge[1] + in.v * edge[2];
+  }
+};
+
+/// A shadow ray origin + t direction, 0 < t < 1, and the share of S that it stands for, without a factor that all rays
+/// of its pair have in common: cosθ_x cosθ_y / r². Weight 0: on the other's plane, to rounding; not to be traced.
+struct ShadowRay {
+  Float3 origin, direction;
+  float weight = 0;
+};
+
+/// Ray number k of the samples that start at `from` on a and at `to` on b; its ends are moved off the facets by `lift`,
+/// at most by a quarter of their distance from the other's plane.
+[[nodiscard]] inline ShadowRay shadow_ray(const Facet& a, const Facet& b, Square from, Square to, std::uint32_t k,
+                                          float lift) {
+  const Float3 x = a.at({from.u + k * step4[0], from.v + k * step4[1]});
+  const Float3 y = b.at({to.u + k * step4[2], to.v + k * step4[3]});
+  const Float3 between = y - x;
+  const float above_a = dot(a.normal, between), above_b = -dot(b.normal, between);
+  if (!(above_a > 0 && above_b > 0)) return {};
+  const Float3 origin = x + std::fmin(lift, 0.25F * above_a) * a.normal;
+  const Float3 end = y + std::fmin(lift, 0.25F * above_b) * b.normal;
+  const float r2 = dot(between, between);
+  return {origin, end - origin, (above_a / r2) * (above_b / r2)};
 }
 
 }  // namespace interflect::sampling

@@ -70,7 +70,8 @@ HWY_INLINE V three_by_three(const PatchTable& p, std::size_t i, std::size_t j, c
   return sum;
 }
 
-void classify(const PatchTable& p, std::size_t i, std::size_t first, PairKind* kind, double* s) {
+void classify(const PatchTable& p, const kernel::Ratios& ratios, std::size_t i, std::size_t first, PairKind* kind,
+              double* s) {
   const D d;
   const std::size_t lanes = hn::Lanes(d);
   const Point ni = broadcast(p.normal, 0, i), ci = broadcast(p.centroid, 0, i);
@@ -78,6 +79,8 @@ void classify(const PatchTable& p, std::size_t i, std::size_t first, PairKind* k
   const V offset_i = hn::Set(d, p.offset[i]), radius_i = hn::Set(d, p.radius[i]);
   const V tolerance_i = hn::Set(d, p.tolerance[i]);
   const V weight_i = hn::Set(d, p.area[i] / (9 * std::numbers::pi));
+  const auto squared = [&](float x) { return hn::Set(d, static_cast<double>(x) * static_cast<double>(x)); };
+  const V three = squared(ratios.three_points), six = squared(ratios.six_points);
   const auto code = [&](PairKind k) { return hn::Set(d, static_cast<double>(k)); };
   HWY_ALIGN std::array<double, PatchTable::block> codes;
 
@@ -97,10 +100,8 @@ void classify(const PatchTable& p, std::size_t i, std::size_t first, PairKind* k
     const V radii = hn::Add(radius_i, hn::LoadU(d, p.radius.data() + j));
     const V ratio2 = hn::Div(dot3(between, between), hn::Mul(radii, radii));
     V c = code(PairKind::near);
-    c = hn::IfThenElse(hn::Gt(ratio2, hn::Set(d, kernel::ratio_of_six_points * kernel::ratio_of_six_points)),
-                       code(PairKind::middle), c);
-    c = hn::IfThenElse(hn::Gt(ratio2, hn::Set(d, kernel::ratio_of_three_points * kernel::ratio_of_three_points)),
-                       code(PairKind::far), c);
+    c = hn::IfThenElse(hn::Gt(ratio2, six), code(PairKind::middle), c);
+    c = hn::IfThenElse(hn::Gt(ratio2, three), code(PairKind::far), c);
     c = hn::IfThenElse(whole, c, code(PairKind::straddle));
     c = hn::IfThenElseZero(facing, c);
     hn::StoreU(c, d, codes.data() + lane);
@@ -162,9 +163,9 @@ HWY_EXPORT(classify);
 HWY_EXPORT(dot);
 HWY_EXPORT(scale);
 
-void classify(const PatchTable& patches, std::size_t i, std::size_t first, std::span<PairKind, PatchTable::block> kind,
-              std::span<double, PatchTable::block> s) {
-  HWY_DYNAMIC_DISPATCH(classify)(patches, i, first, kind.data(), s.data());
+void classify(const PatchTable& patches, const kernel::Ratios& ratios, std::size_t i, std::size_t first,
+              std::span<PairKind, PatchTable::block> kind, std::span<double, PatchTable::block> s) {
+  HWY_DYNAMIC_DISPATCH(classify)(patches, ratios, i, first, kind.data(), s.data());
 }
 
 double dot(std::span<const float> row, std::span<const float> x) {

@@ -20,8 +20,8 @@ enum class PairKind : std::uint8_t {
 };
 
 /// Patch i against the block of patches that starts at `first`: what kind of pair each is, and S where it is far.
-void classify(const PatchTable& patches, std::size_t i, std::size_t first, std::span<PairKind, PatchTable::block> kind,
-              std::span<double, PatchTable::block> s);
+void classify(const PatchTable& patches, const kernel::Ratios& ratios, std::size_t i, std::size_t first,
+              std::span<PairKind, PatchTable::block> kind, std::span<double, PatchTable::block> s);
 
 /// Σ_j row[j] x[j]: products and sums of 1,024 elements in single precision, the rest in double.
 [[nodiscard]] double dot(std::span<const float> row, std::span<const float> x);

@@ -121,9 +121,8 @@ struct Grouping {
 /// is 1 - emittance, and a surface emits its emittance, as a black body of that temperature would emit 1: in a closed
 /// scene all radiosities are 1. Surface::object is the record's name (with "#NUMBER" where another surface has it
 /// already), Surface::group that of the surface with which it is combined: the groups, in the file's order, are
-/// View3D's rows. Obstructions (O) are two-sided, black, do not emit, and are one
-/// group apart. Control values are not used; those
-/// that would change View3D's answer are warned of. Unknown records are left out with a warning.
+/// View3D's rows. Obstructions (O) are two-sided, black, do not emit, and are one group apart. Control values are not
+/// used; those that would change View3D's answer are warned of. Unknown records are left out with a warning.
 [[nodiscard]] Scene read_vs3(const std::string& text, const std::filesystem::path& path);
 
 /// glTF 2.0, as JSON or GLB. The default scene (else the first, else all nodes without a parent) with its nodes'

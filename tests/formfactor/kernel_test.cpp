@@ -64,12 +64,12 @@ TEST(Kernel, EachMethodIsGoodWhereItIsUsed) {
     if (!in_front(a, b) || !in_front(b, a)) continue;
     const double exact = contour(Polygon(a), Polygon(b)), q = ratio(a, b);
     const double share = exact / area(Polygon(a));
-    if (q > ratio_of_three_points) {
+    if (q > Ratios{}.three_points) {
       const double error = std::abs(quadrature(Polygon(a), Polygon(b), 3) / exact - 1);
       squares_three += error * error;
       worst_three = std::max(worst_three, std::abs(quadrature(Polygon(a), Polygon(b), 3) - exact) / area(Polygon(a)));
       ++three;
-    } else if (q > ratio_of_six_points) {
+    } else if (q > Ratios{}.six_points) {
       const double error = std::abs(quadrature(Polygon(a), Polygon(b), 6) / exact - 1);
       squares_six += error * error;
       worst_six = std::max(worst_six, error * share);
