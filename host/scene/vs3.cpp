@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <compare>
 #include <map>
 #include <set>
 #include <utility>
@@ -46,6 +48,14 @@ std::vector<std::string> unique_names(const std::vector<vs3::Surface>& surfaces)
   return names;
 }
 
+/// What decides on a surface's material.
+struct Look {
+  enum class Kind { radiating, obstruction, back };
+  Kind kind;
+  double emittance;
+  auto operator<=>(const Look&) const = default;
+};
+
 class Builder {
  public:
   Builder(File file, std::string path)
@@ -82,7 +92,8 @@ class Builder {
   void place_on_base(std::size_t i);
   void add(std::size_t i);
   [[nodiscard]] std::vector<Outline> pieces(std::size_t i) const;
-  std::uint32_t material(const vs3::Surface& s);
+  void add_pieces(const std::vector<Outline>& pieces, std::uint32_t line);
+  std::uint32_t material(const Look& look);
   void warn(std::string text) { add_warning(scene_.warnings, std::move(text)); }
 
   std::vector<vs3::Surface> surfaces_;
@@ -90,7 +101,7 @@ class Builder {
   std::vector<std::string> names_;
   std::vector<std::vector<std::size_t>> on_;  ///< the surfaces whose base each one is
   Scene scene_;
-  std::map<double, std::uint32_t> materials_;  ///< by emittance; -1 for obstructions
+  std::map<Look, std::uint32_t> materials_;
 };
 
 void Builder::place_on_base(std::size_t i) {
@@ -126,43 +137,51 @@ std::vector<Outline> Builder::pieces(std::size_t i) const {
   return left;
 }
 
-std::uint32_t Builder::material(const vs3::Surface& s) {
-  const bool blocks = s.kind == Kind::obstruction;
-  const auto [entry, added] =
-      materials_.try_emplace(blocks ? -1 : s.emittance, static_cast<std::uint32_t>(scene_.materials.size()));
-  if (added) {
-    Material m;
-    m.name = blocks ? "obstruction" : fmt::format("emittance {:g}", s.emittance);
-    m.two_sided = blocks;  // what ends on its back must not be missing from the row sums
-    if (!blocks) {
-      m.reflectance.fill(1 - s.emittance);
-      m.emittance.fill(s.emittance);
-    }
-    scene_.materials.push_back(std::move(m));
+std::uint32_t Builder::material(const Look& look) {
+  const auto [entry, added] = materials_.try_emplace(look, static_cast<std::uint32_t>(scene_.materials.size()));
+  if (!added) return entry->second;
+  Material m;
+  if (look.kind == Look::Kind::radiating) {
+    m.name = fmt::format("emittance {:g}", look.emittance);
+    m.reflectance.fill(1 - look.emittance);
+    m.emittance.fill(look.emittance);
+  } else {
+    m.name = "obstruction";
+    m.two_sided = look.kind == Look::Kind::obstruction;  // what ends on its back must not be missing from the row sums
   }
+  scene_.materials.push_back(std::move(m));
   return entry->second;
 }
 
 void Builder::add(std::size_t i) {
   const vs3::Surface& s = surfaces_[i];
   const bool blocks = s.kind == Kind::obstruction;
-  interflect::Surface surface;
-  surface.object = names_[i];
-  surface.group = blocks ? "obstruction" : names_[s.combine > 0 ? s.combine - 1 : i];
-  surface.material = material(s);
-  surface.obstruction = blocks;
-  const auto index = static_cast<std::uint32_t>(scene_.surfaces.size());
-  scene_.surfaces.push_back(std::move(surface));
-  const std::vector<Outline> left = pieces(i);
+  std::vector<Outline> left = pieces(i);
   if (left.empty()) warn(fmt::format("{}:{}: nothing of surface {} is left uncovered", path_, s.line, i + 1));
-  for (const Outline& piece : left) {
+  const auto surface = [&](const std::string& group, const Look& look) {
+    scene_.surfaces.push_back({names_[i], group, material(look), look.kind != Look::Kind::radiating});
+    add_pieces(left, s.line);
+  };
+  if (blocks) return surface("obstruction", {Look::Kind::obstruction, 0});
+  surface(names_[s.combine > 0 ? s.combine - 1 : i], {Look::Kind::radiating, s.emittance});
+  std::size_t root = i;
+  while (surfaces_[root].base > 0) root = surfaces_[root].base - 1;
+  if (surfaces_[root].kind != Kind::obstruction) return;
+  // Behind a surface on an obstruction there is the obstruction.
+  for (Outline& piece : left) std::reverse(piece.begin() + 1, piece.end());
+  surface("obstruction", {Look::Kind::back, 0});
+}
+
+void Builder::add_pieces(const std::vector<Outline>& pieces, std::uint32_t line) {
+  const auto index = static_cast<std::uint32_t>(scene_.surfaces.size() - 1);
+  for (const Outline& piece : pieces) {
     const auto first = static_cast<std::uint32_t>(scene_.positions.size());
     scene_.positions.insert(scene_.positions.end(), piece.begin(), piece.end());
     for (std::uint32_t k = 1; k + 1 < piece.size(); ++k) {
-      scene_.triangles.push_back({{first, first + k, first + k + 1}, index, s.line, -1});
+      scene_.triangles.push_back({{first, first + k, first + k + 1}, index, line, -1});
     }
     if (scene_.triangles.size() > max_scene_triangles) {
-      throw input_error(path_, s.line, fmt::format("more than {} triangles", max_scene_triangles));
+      throw input_error(path_, line, fmt::format("more than {} triangles", max_scene_triangles));
     }
   }
 }

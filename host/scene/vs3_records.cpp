@@ -210,7 +210,10 @@ void Reader::measure(Surface& s) {
   s.normal = normalized(area_vector(s.outline));
   for (const Vec3 p : s.outline) s.radius = std::max(s.radius, length(p - s.middle));
   if (s.outline.size() < 4) return;
-  if (!is_convex(s.outline, s.normal)) {
+  // A bow tie's halves may cancel: then one of its corners says which way is right.
+  const Vec3 front =
+      s.normal == Vec3{} ? normalized(cross(s.outline[1] - s.outline[0], s.outline[2] - s.outline[1])) : s.normal;
+  if (!is_convex(s.outline, front)) {
     in_.fail(fmt::format("surface {} is not convex: two triangles or convex parts, combined, are",
                          out_.surfaces.size() + 1));
   }
