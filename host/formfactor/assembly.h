@@ -8,6 +8,7 @@
 
 #include "interflect/base/progress.h"
 #include "interflect/formfactor/blockers.h"
+#include "interflect/formfactor/certificate.h"
 #include "interflect/formfactor/closure.h"
 #include "interflect/formfactor/form_factor_matrix.h"
 #include "interflect/formfactor/pair_tile.h"
@@ -57,6 +58,7 @@ struct AssemblyReport {
   std::vector<double> scaling;         ///< d of the closure: F_ij = S_ij (d_i / A_i) d_j
   std::vector<float> tile_variance;    ///< TileFacts::variance of all tile rows
   std::uint32_t panels_reused = 0;     ///< that the store had
+  Certificate certificate;             ///< the worst rows and why; not made where F came whole from elsewhere
   std::vector<std::string> warnings;
   std::uint64_t pairs_considered = 0;  ///< i < j that face each other, at least in part
   std::uint64_t pairs_analytic = 0;    ///< of them by the contour form
