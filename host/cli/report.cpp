@@ -63,7 +63,7 @@ ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loade
                       {"by_object", set_aside_by_object(report, loaded.mesh)},
                       {"patches", report.set_aside}};
   out["moved"] = moved_json(report);
-  out["rows"] = certificate_json(report.certificate);
+  out["certificate"] = certificate_json(report.certificate);
   return out;
 }
 

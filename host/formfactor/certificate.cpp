@@ -13,10 +13,15 @@ namespace interflect {
 namespace {
 
 constexpr double explains = 0.5, much = 0.25;
+constexpr float looks_out = 0.5F;  // the share of a patch's rays that leave a closed scene from there on
 
 const std::string& shown(const Surface& surface) {
   return surface.object.empty() ? surface.group : surface.object;
 }
+
+/// The first are the most suspect. Outward: looks out of a scene that is closed (the other side of its walls), which is
+/// no defect of F.
+enum class Rank { off, buried, sound, outward };
 
 /// The rows in the order in which they are suspect.
 class Ranking {
@@ -27,9 +32,9 @@ class Ranking {
       const double sky = closed_ ? 0 : static_cast<double>(in_.escape[i]);
       deviation_[i] = in_.row_sum[i] + sky - 1;
       const bool beyond = std::abs(deviation_[i]) > certain_errors * error(i, in_.rays);
-      // What looks out of a scene is no defect of F.
       const bool buried = !in_.takes_part[i];
-      rank_[i] = buried ? (in_.back[i] > in_.escape[i] ? 1 : 3) : beyond ? 0 : 2;
+      const bool out = closed_ && (buried ? in_.escape[i] >= in_.back[i] : in_.escape[i] > looks_out);
+      rank_[i] = out ? Rank::outward : buried ? Rank::buried : beyond ? Rank::off : Rank::sound;
     }
   }
 
@@ -40,13 +45,13 @@ class Ranking {
     const auto e = static_cast<double>(in_.escape[i]);
     return std::hypot(in_.error[i], std::sqrt(std::max(e * (1 - e), 1 / rays) / rays));
   }
-  [[nodiscard]] std::uint64_t off() const {
-    return static_cast<std::uint64_t>(std::count(rank_.begin(), rank_.end(), 0));
+  [[nodiscard]] std::uint64_t count(Rank rank) const {
+    return static_cast<std::uint64_t>(std::count(rank_.begin(), rank_.end(), rank));
   }
   [[nodiscard]] std::vector<std::uint32_t> first(std::size_t most) const {
     std::vector<std::uint32_t> order;
     for (std::uint32_t i = 0; i < rank_.size(); ++i) {
-      if (rank_[i] < 3) order.push_back(i);
+      if (rank_[i] != Rank::outward) order.push_back(i);
     }
     const std::size_t kept = std::min(most, order.size());
     std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(kept), order.end(),
@@ -59,12 +64,12 @@ class Ranking {
     return order;
   }
   [[nodiscard]] double deviation(std::uint32_t i) const { return deviation_[i]; }
-  [[nodiscard]] bool within_error(std::uint32_t i) const { return rank_[i] == 2; }
+  [[nodiscard]] bool within_error(std::uint32_t i) const { return rank_[i] == Rank::sound; }
 
  private:
   const CertificateInput& in_;
   bool closed_;
-  std::vector<int> rank_;  ///< 0: off, 1: buried inside, 2: within its error, 3: not shown
+  std::vector<Rank> rank_;
   std::vector<double> deviation_;
 };
 
@@ -139,8 +144,8 @@ Certificate certify(const PatchMesh& mesh, const PatchTable& patches, const Cert
   const Ranking ranking(mesh, input);
   Certificate out;
   out.made = true;
-  out.rows = static_cast<std::uint64_t>(std::count(input.takes_part.begin(), input.takes_part.end(), true));
-  out.off = ranking.off();
+  out.off = ranking.count(Rank::off);
+  out.rows = out.off + ranking.count(Rank::sound);
   std::unique_ptr<Surroundings> surroundings;
   for (const std::uint32_t i : ranking.first(most)) {
     const Surface& surface = mesh.surfaces[mesh.surface[i]];

@@ -69,10 +69,11 @@ struct SuspectRow {
 /// What is wrong with F, row by row.
 struct Certificate {
   bool made = false;
-  std::uint64_t rows = 0;         ///< that take part
-  std::uint64_t off = 0;          ///< of them by more than certain_errors times their error
-  std::vector<SuspectRow> worst;  ///< the rows that take part by |deviation|, those that are off first; after these, in
-                                  ///< the same order, the patches inside other objects; then the rest
+  std::uint64_t rows = 0;  ///< that are judged: not of buried patches, nor of those that look out of a closed scene
+  std::uint64_t off = 0;   ///< of them by more than certain_errors times their error
+  /// The rows that are off by |deviation|; after these, in the same order, those of patches inside other objects, which
+  /// take no part in the closure; then the rest of the rows that are judged.
+  std::vector<SuspectRow> worst;
 };
 
 struct CertificateInput {
