@@ -7,7 +7,9 @@
 #include "commands.h"
 #include "console.h"
 #include "interflect/base/error.h"
+#include "interflect/device/registry.h"
 #include "pipeline.h"
+#include "place.h"
 #include "report.h"
 
 namespace interflect::cli {
@@ -16,6 +18,8 @@ namespace {
 
 struct Options {
   SceneOptions scene;
+  std::string device = "openmp";
+  std::string assembly = "auto";
   bool between = false;
   bool json = false;
 };
@@ -47,7 +51,12 @@ void print_table(const GroupFactors& table) {
 int run(const Options& options) {
   Console console(options.scene.quiet);
   const MeshedScene loaded = load(options.scene, console);
-  const FormFactors factors = assemble_checked(loaded, options.scene, console);
+  Candidates candidates(
+      choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &console);
+  AssemblyUse place;
+  const FormFactors factors = assemble_by(candidates, assembly_place(options.assembly), loaded.mesh,
+                                          assembly_options(options.scene), place, console);
+  say(factors.report, loaded.scene, console);
   if (options.between) {
     GroupFactors table = between(factors.matrix, loaded.mesh, loaded.grouping);
     // What a buried patch in a closed scene does not see is the inside of other objects, not the sky.
@@ -71,13 +80,14 @@ int run(const Options& options) {
     out["patches"] = loaded.mesh.size();
     out["divide"] = loaded.divide;
     out["seconds"] = factors.report.seconds;
+    out["assembly"] = assembly_json(factors.report, place);
     out["nonzero_fraction"] = factors.matrix.nonzero_fraction();
     out["closure"] = closure_json(factors.report, loaded);
     fmt::print("{}", dump(out));
     return 0;
   }
   fmt::print("scene          {}: {} patches (--divide {:.6g})\n", loaded.scene.file, loaded.mesh.size(), loaded.divide);
-  fmt::print("form factors   {:.2f} s, {} facing pairs, {} by the contour form, {} rays\n", factors.report.seconds,
+  fmt::print("form factors   {:.2f} s on {}, {} facing pairs, {} by the contour form, {} rays\n", factors.report.seconds, place.device,
              factors.report.pairs_considered, factors.report.pairs_analytic, factors.report.rays);
   fmt::print("{}", closure_text(factors.report));
   return 0;
@@ -89,6 +99,9 @@ void add_formfactors(CLI::App& program, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App& command = *program.add_subcommand("formfactors", "compute form factors and say how good they are");
   add_scene_options(command, options->scene);
+  command.add_option("--device", options->device, "device id, several, or auto, as for solve; see --assembly")
+      ->capture_default_str();
+  add_assembly_option(command, options->assembly);
   command.add_flag("--between", options->between, "print the factors between groups (see --group-by)");
   command.add_flag("--json", options->json, "print JSON");
   command.callback([options, &action] { action = [options] { return run(*options); }; });

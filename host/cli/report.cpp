@@ -67,9 +67,17 @@ ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loade
   return out;
 }
 
+ordered_json assembly_json(const AssemblyReport& report, const AssemblyUse& use) {
+  return {{"device", use.device},
+          {"bytes_over_bus", use.bytes_over_bus},
+          {"pairs_considered", report.pairs_considered},
+          {"pairs_analytic", report.pairs_analytic},
+          {"rays", report.rays}};
+}
+
 ordered_json to_json(const SolveSummary& summary) {
   const MeshedScene& loaded = *summary.loaded;
-  const FormFactors& factors = *summary.factors;
+  const AssemblyReport& assembled = *summary.assembled;
   const SolveReport& report = summary.solved->report;
   ordered_json out;
   out["interflect"] = INTERFLECT_VERSION;
@@ -101,20 +109,18 @@ ordered_json to_json(const SolveSummary& summary) {
       {"refused", storage.refused.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(storage.refused)}};
   out["seconds"] = {{"read", loaded.read_seconds},
                     {"mesh", loaded.mesh_seconds},
-                    {"form_factors", factors.report.seconds},
+                    {"form_factors", assembled.seconds},
                     {"pack", storage.pack_seconds},
                     {"upload", summary.solved->upload_seconds},
                     {"compile", kernels.seconds},
                     {"solve", report.seconds},
                     {"write", summary.write_seconds},
                     {"total", summary.total_seconds}};
-  out["closure"] = closure_json(factors.report, loaded);
+  out["closure"] = closure_json(assembled, loaded);
   out["energy"] = energy_json(summary.energy);
-  out["assembly"] = {{"pairs_considered", factors.report.pairs_considered},
-                     {"pairs_analytic", factors.report.pairs_analytic},
-                     {"rays", factors.report.rays}};
+  out["assembly"] = assembly_json(assembled, summary.assembly);
   out["warnings"] = loaded.warnings;
-  for (const std::string& warning : factors.report.warnings) out["warnings"].push_back(warning);
+  for (const std::string& warning : assembled.warnings) out["warnings"].push_back(warning);
   return out;
 }
 
@@ -151,11 +157,11 @@ std::string to_text(const SolveSummary& summary) {
   std::string out = fmt::format("scene          {}: {} triangles, {} patches (--divide {:.6g})\n", loaded.scene.file,
                                 loaded.scene.triangles.size(), loaded.mesh.size(), loaded.divide);
   const StorageUse& storage = summary.solved->storage;
-  out += fmt::format("form factors   {:.2f} s, {:.1f} % non-zero\n", summary.factors->report.seconds,
-                     100 * storage.nonzero_fraction);
+  out += fmt::format("form factors   {:.2f} s on {}, {:.1f} % non-zero\n", summary.assembled->seconds,
+                     summary.assembly.device, 100 * storage.nonzero_fraction);
   out += fmt::format("storage        {}, {:.1f} MiB{}\n", name(storage.format),
                      static_cast<double>(storage.bytes) / (1 << 20), rounding_text(storage));
-  out += closure_text(summary.factors->report);
+  out += closure_text(*summary.assembled);
   out += fmt::format("solve          {} on {}: {}, {} iterations, {} products, {:.3f} s\n", name(summary.method),
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,
                      report.seconds);

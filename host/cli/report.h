@@ -5,17 +5,19 @@
 #include <string_view>
 
 #include "pipeline.h"
+#include "place.h"
 
 namespace interflect::cli {
 
 /// Everything that `solve` has to say, for people and for programs.
 struct SolveSummary {
   const MeshedScene* loaded = nullptr;
-  const FormFactors* factors = nullptr;
+  const AssemblyReport* assembled = nullptr;
   const Solved* solved = nullptr;
   Method method = Method::cg;
   StopTest stop;
   Energy energy;
+  AssemblyUse assembly;
   double write_seconds = 0, total_seconds = 0;
 };
 
@@ -29,6 +31,8 @@ struct SolveSummary {
 
 /// Row sums, closure, set-aside patches: the part of the report that `formfactors` prints as well.
 [[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded);
+/// Where and with how much work F was assembled.
+[[nodiscard]] nlohmann::ordered_json assembly_json(const AssemblyReport& report, const AssemblyUse& use);
 [[nodiscard]] std::string closure_text(const AssemblyReport& report);
 
 /// A device's reason may hold a compiler's log: its first line.
