@@ -203,11 +203,9 @@ Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& 
   report.closed_scene =
       std::count(takes_part.begin(), takes_part.end(), true) > 0 && report.escape_fraction < closed_below;
 
-  // Errors of quadrature are not in the tiles' variances.
-  constexpr double quadrature = 2.5e-4;
+  // A tile's variance is taken as spread evenly over its rows: too little for single ones, whence the floor.
   const double eps = 0.5 / std::sqrt(static_cast<double>(options.budget.rays_per_factor));
-  const std::vector<double> errors =
-      row_errors(report.tile_variance, area, quadrature, report.rays > 0 ? eps : quadrature);
+  const std::vector<double> errors = row_errors(report.tile_variance, area, eps);
   report.certificate = certify(
       mesh, patches,
       {report.row_sum, errors, takes_part, shares.escape, shares.back, hemisphere_rays(n), report.escape_fraction});

@@ -109,13 +109,10 @@ Cause likely_cause(const RowFacts& facts) {
   return a.near >= much ? Cause::coarse_mesh : Cause::unknown;
 }
 
-std::vector<double> row_errors(std::span<const float> tile_variance, const std::vector<double>& area, double floor,
-                               double otherwise) {
+std::vector<double> row_errors(std::span<const float> tile_variance, const std::vector<double>& area, double floor) {
   constexpr std::size_t block = PatchTable::block;
   const std::size_t n = area.size(), blocks = (n + block - 1) / block;
-  const bool known = tile_variance.size() == tiles_in_rows(0, blocks, blocks) &&
-                     std::any_of(tile_variance.begin(), tile_variance.end(), [](float v) { return v > 0; });
-  if (!known) return std::vector<double>(n, std::max(floor, otherwise));
+  if (tile_variance.size() != tiles_in_rows(0, blocks, blocks)) return std::vector<double>(n, floor);
   std::vector<double> areas(blocks), sum(blocks), within(blocks);
   for (std::size_t i = 0; i < n; ++i) areas[i / block] += area[i];
   const auto count = [&](std::size_t b) { return static_cast<double>(std::min(block, n - b * block)); };

@@ -50,9 +50,9 @@ struct RowFacts {
 [[nodiscard]] Cause likely_cause(const RowFacts& facts);
 
 /// σ of each row sum: σ_i² = Σ_j σ²(F_ij) with the variance of a tile (TileFacts::variance of all tile rows) spread
-/// evenly over its pairs; but at least `floor`. Where no variance is known (none, or all 0), floor and `otherwise`.
+/// evenly over its pairs; but at least `floor`, and that alone where no variance is known.
 [[nodiscard]] std::vector<double> row_errors(std::span<const float> tile_variance, const std::vector<double>& area,
-                                             double floor, double otherwise);
+                                             double floor);
 
 /// A row of F that is off, and why.
 struct SuspectRow {

@@ -201,13 +201,13 @@ TEST(Certificate, ErrorsOfRowsFromTheVarianceOfTiles) {
   std::vector<double> area(40, 1.0);
   std::fill(area.begin() + 32, area.end(), 4.0);
   const std::vector<float> variance{32 * 31 / 2, 32 * 8 / 4.0F, 8 * 7 / 2 / 16.0F};
-  const std::vector<double> errors = row_errors(variance, area, 0, 1);
+  const std::vector<double> errors = row_errors(variance, area, 0);
   // σ²(row i) = Σ_j σ²(S_ij) / A_i².
   EXPECT_NEAR(errors[0], std::sqrt(39.0), 1e-6);
   EXPECT_NEAR(errors[39], std::sqrt(39.0) / 4, 1e-6);
-  EXPECT_THAT(row_errors(variance, area, 100, 1), Each(100.0));
-  EXPECT_THAT(row_errors({}, area, 0.5, 0.7), Each(0.7)) << "nothing is known";
-  EXPECT_THAT(row_errors(std::vector<float>(3), area, 0.5, 0.3), Each(0.5));
+  EXPECT_THAT(row_errors(variance, area, 100), Each(100.0));
+  EXPECT_THAT(row_errors({}, area, 0.5), Each(0.5)) << "nothing is known";
+  EXPECT_THAT(row_errors(std::vector<float>(3), area, 0.5), Each(0.5));
 }
 
 /// S as a store of panels gets it.
