@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -72,7 +73,7 @@ void print_table(const GroupFactors& table) {
   const auto cell = [&](const std::string& text) { return fmt::format("{:>{}.{}}", text, widest, widest); };
   fmt::print("{}  {}", cell("from \\ to"), cell("area"));
   for (const std::string& group : table.groups) fmt::print("  {}", cell(shown(group)));
-  fmt::print("  {}\n", cell("sum"));
+  fmt::print("  {}  {}\n", cell("sum"), cell("sky"));
   for (std::size_t a = 0; a < table.groups.size(); ++a) {
     fmt::print("{}  {:>{}.6g}", cell(shown(table.groups[a])), table.areas[a], widest);
     double sum = 0;
@@ -80,8 +81,9 @@ void print_table(const GroupFactors& table) {
       fmt::print("  {:>{}.6f}", f, widest);
       sum += f;
     }
-    fmt::print("  {:>{}.6f}\n", sum, widest);
+    fmt::print("  {:>{}.6f}  {:>{}.6f}\n", sum, widest, table.sky[a], widest);
   }
+  if (!table.left_out.empty()) fmt::print("left out: {} (in the way only)\n", fmt::join(table.left_out, ", "));
 }
 
 constexpr std::array extensions{".iff", ".npy", ".mtx"};
@@ -207,12 +209,16 @@ double nonzero_fraction(const Known& known) {
 }
 
 void print_between(const Options& options, const Known& known) {
-  const GroupFactors table = between(known.rows(), known.area(), known.surface(), known.grouping);
+  GroupFactors table = between(known.rows(), known.area(), known.surface(), known.grouping);
+  // What a buried patch in a closed scene does not see is the inside of other objects, not the sky.
+  if (known.report.closed_scene) std::fill(table.sky.begin(), table.sky.end(), 0.0);
   if (!options.json) return print_table(table);
   nlohmann::ordered_json out;
   out["groups"] = table.groups;
   out["areas"] = table.areas;
   out["factors"] = table.factors;
+  out["sky"] = table.sky;
+  if (!table.left_out.empty()) out["left_out"] = table.left_out;
   fmt::print("{}", dump(out));
 }
 
@@ -267,7 +273,7 @@ void add_formfactors(CLI::App& program, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App& command = *program.add_subcommand("formfactors", "compute form factors, keep them, say how good they are");
   add_scene_options(command, options->scene,
-                    "scene: .xml (rrv), .obj, .gltf or .glb; or a file of form factors (.iff)");
+                    "scene: .xml (rrv), .obj, .gltf, .glb or .vs3 (View3D); or a file of form factors (.iff)");
   command.add_option("--device", options->device, "device id, several, or auto, as for solve; see --assembly")
       ->capture_default_str();
   add_assembly_option(command, options->assembly);

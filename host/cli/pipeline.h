@@ -33,7 +33,7 @@ struct SceneOptions {
   bool quiet = false;
 };
 void add_scene_options(CLI::App& command, SceneOptions& options,
-                       const std::string& what = "scene: .xml (rrv), .obj, .gltf or .glb");
+                       const std::string& what = "scene: .xml (rrv), .obj, .gltf, .glb or .vs3 (View3D)");
 
 struct MeshedScene {
   Scene scene;

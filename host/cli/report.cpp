@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <map>
 
+#include "certificate_report.h"
 #include "interflect/device/compile_cache.h"
 
 namespace interflect::cli {
@@ -66,6 +67,8 @@ ordered_json closure_json(const AssemblyReport& report, const std::function<std:
   out["set_aside"] = {{"count", report.set_aside.size()},
                       {"by_object", set_aside_by_object(report, object_of)},
                       {"patches", report.set_aside}};
+  out["moved"] = moved_json(report);
+  out["certificate"] = certificate_json(report.certificate);
   return out;
 }
 
@@ -169,7 +172,7 @@ std::string closure_text(const AssemblyReport& report) {
   if (!report.set_aside.empty()) {
     out += fmt::format("set aside      {} patches that see next to nothing\n", report.set_aside.size());
   }
-  return out;
+  return out + certificate_text(report.certificate);
 }
 
 std::string rounding_text(const StorageUse& storage) {

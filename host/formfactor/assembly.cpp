@@ -4,6 +4,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <memory>
 #include <utility>
@@ -12,6 +13,7 @@
 #include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
 #include "interflect/formfactor/blockers.h"
+#include "interflect/formfactor/certificate.h"
 #include "interflect/formfactor/embree_tiles.h"
 #include "interflect/formfactor/fill.h"
 #include "interflect/formfactor/hemisphere.h"
@@ -141,6 +143,13 @@ Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& 
   report.back_fraction = HemisphereShares::mean(patches, shares.back, takes_part);
   report.closed_scene =
       std::count(takes_part.begin(), takes_part.end(), true) > 0 && report.escape_fraction < closed_below;
+
+  // A tile's variance is taken as spread evenly over its rows: too little for single ones, whence the floor.
+  const double eps = 0.5 / std::sqrt(static_cast<double>(options.budget.rays_per_factor));
+  const std::vector<double> errors = row_errors(report.tile_variance, area, eps);
+  report.certificate = certify(
+      mesh, patches,
+      {report.row_sum, errors, takes_part, shares.escape, shares.back, hemisphere_rays(n), report.escape_fraction});
 
   const bool close = options.closure == Closure::on || (options.closure == Closure::automatic && report.closed_scene);
   for (std::uint32_t i = 0; i < n; ++i) {
