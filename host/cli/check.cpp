@@ -8,12 +8,15 @@
 #include "commands.h"
 #include "interflect/base/error.h"
 #include "interflect/device/registry.h"
+#include "interflect/schedule/check_assembly.h"
 #include "report.h"
 #include "validators.h"
 
 namespace interflect::cli {
 
 namespace {
+
+constexpr std::uint64_t smallest_assembly = 1000;  // below it the tools that --max-size is for take minutes
 
 struct Options {
   std::string device;
@@ -33,7 +36,10 @@ std::vector<std::string> devices_to_check(const std::string& wanted) {
 /// The device's rows. One that was not named and cannot be opened is a row of its own, so that the others are seen.
 std::vector<KernelCheck> checked(const std::string& id, const Options& options) {
   try {
-    return check_device(*open_device(id), options.max_size);
+    const std::unique_ptr<Device> device = open_device(id);
+    std::vector<KernelCheck> rows = check_device(*device, options.max_size);
+    if (options.max_size >= smallest_assembly) check::check_assembly(*device, rows);
+    return rows;
   } catch (const Error& error) {
     if (!options.device.empty()) throw;
     KernelCheck row;

@@ -11,12 +11,14 @@
 #include "console.h"
 #include "interflect/base/error.h"
 #include "interflect/base/timer.h"
+#include "interflect/device/registry.h"
 #include "interflect/formfactor/estimate.h"
 #include "interflect/formfactor/iff_file.h"
 #include "interflect/output/matrix_file.h"
 #include "kept.h"
 #include "outputs.h"
 #include "pipeline.h"
+#include "place.h"
 #include "report.h"
 
 namespace interflect::cli {
@@ -27,6 +29,8 @@ struct Options {
   SceneOptions scene;
   std::vector<std::string> outputs;
   bool repair = false;
+  std::string device = "openmp";
+  std::string assembly = "auto";
   bool between = false;
   bool json = false;
 };
@@ -37,6 +41,7 @@ struct Known {
   std::optional<FormFactors> computed;
   std::optional<IffFile> file;  ///< none: computed
   Kept kept;
+  AssemblyUse use;
   AssemblyReport report;
   Grouping grouping;
   double divide = 0;
@@ -139,6 +144,9 @@ void take(Known& known, KeptFormFactors computed) {
 }
 
 Known from_scene(const Options& options, ProgressSink& progress) {
+  Candidates candidates(
+      choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &progress);
+  const AssemblyPlace place = assembly_place(options.assembly);
   const std::string file = file_of(options);
   std::error_code missing;
   const bool repairs = options.repair && std::filesystem::exists(file, missing);
@@ -153,19 +161,25 @@ Known from_scene(const Options& options, ProgressSink& progress) {
     }
   }
   Known known;
+  AssemblyUse use;
+  const Maker maker{assembles(place, candidates.info()), [&](const AssemblyOptions& assembly) {
+                      return assemble_by(candidates, place, loaded.mesh, assembly, use, progress);
+                    }};
   if (repairs) {
-    take(known, repair(file, loaded, options.scene, progress));
+    take(known, repair(file, loaded, options.scene, maker, progress));
   } else if (file.empty()) {
-    take(known, {assemble_checked(loaded, options.scene, progress), {}});
+    take(known, {maker.assemble(assembly_options(options.scene)), {}});
+    report_warnings(known.report, loaded.scene.file, progress);
   } else if (!fits(file, loaded, options.scene, progress)) {
-    take(known, keep(file, loaded, options.scene, progress));
+    take(known, keep(file, loaded, options.scene, maker, progress));
   } else if (IffFile::open(file).closure() != assembly_options(options.scene).closure) {
     progress.message(fmt::format("{}: its panels are used, the closure is found anew", file));
-    take(known, close_again(file, loaded, options.scene, progress));
+    take(known, close_again(file, loaded, options.scene, maker, progress));
   } else {
     progress.message(fmt::format("{}: is there and fits: its form factors are used", file));
     known = from_file(file, options.scene);
   }
+  known.use = use;
   known.grouping = loaded.grouping;
   known.divide = loaded.divide;
   known.loaded = std::move(loaded);
@@ -206,13 +220,15 @@ void print_between(const Options& options, const Known& known) {
 void print_report(const Options& options, const Known& known) {
   const AssemblyReport& report = known.report;
   const double nonzero = nonzero_fraction(known);  // also reads all panels of a file, and so checks them
-  const EstimatedError error = row_sum_error(report.tile_variance, known.area());
+  std::optional<EstimatedError> error;             // what made the tiles may not say
+  if (!report.tile_variance.empty()) error = row_sum_error(report.tile_variance, known.area());
   if (options.json) {
     nlohmann::ordered_json out;
     out["scene"] = options.scene.file;
     out["patches"] = known.area().size();
     out["divide"] = known.divide;
     out["seconds"] = report.seconds;
+    out["assembly"] = assembly_json(report, known.use);
     out["nonzero_fraction"] = nonzero;
     out["closure"] = closure_json(report, [&](std::uint32_t i) { return known.object_of(i); });
     out["form_factors"] = kept_json(known.kept);
@@ -222,11 +238,11 @@ void print_report(const Options& options, const Known& known) {
   }
   fmt::print("scene          {}: {} patches (--divide {:.6g})\n", options.scene.file, known.area().size(),
              known.divide);
-  fmt::print("form factors   {:.2f} s, {} facing pairs, {} by the contour form, {} rays\n", report.seconds,
-             report.pairs_considered, report.pairs_analytic, report.rays);
+  fmt::print("form factors   {:.2f} s on {}, {} facing pairs, {} by the contour form, {} rays\n", report.seconds,
+             known.use.device, report.pairs_considered, report.pairs_analytic, report.rays);
   fmt::print("{}", kept_text(known.kept));
   fmt::print("{}", closure_text(report));
-  fmt::print("sampling       row sums {:.1e} rms, {:.1e} at most\n", error.rms, error.max);
+  if (error) fmt::print("sampling       row sums {:.1e} rms, {:.1e} at most\n", error->rms, error->max);
   for (const std::string& file : options.outputs) {
     if (!is_iff(file)) fmt::print("wrote          {}\n", file);
   }
@@ -261,6 +277,9 @@ void add_formfactors(CLI::App& program, Action& action) {
       ->type_size(1)
       ->allow_extra_args(false);
   command.add_flag("--repair", options->repair, "compute again what is damaged in -o FILE.iff");
+  command.add_option("--device", options->device, "device id, several, or auto, as for solve; see --assembly")
+      ->capture_default_str();
+  add_assembly_option(command, options->assembly);
   command.add_flag("--between", options->between, "print the factors between groups (see --group-by)");
   command.add_flag("--json", options->json, "print JSON");
   command.callback([options, &action] { action = [options] { return run(*options); }; });

@@ -18,9 +18,12 @@ bool is_there(const std::string& file) {
   return !file.empty() && std::filesystem::exists(file, missing);
 }
 
-iff::Shape wanted_shape(const MeshedScene& loaded, const SceneOptions& options) {
+iff::Shape wanted_shape(const MeshedScene& loaded, const SceneOptions& options, bool device = false) {
   const AssemblyOptions assembly = assembly_options(options);
-  return iff_shape(loaded.mesh, loaded.divide, options.two_sided, accuracy_asked(options).eps, assembly.seed);
+  iff::Shape shape =
+      iff_shape(loaded.mesh, loaded.divide, options.two_sided, accuracy_asked(options).eps, assembly.seed);
+  shape.key.maker = device ? 1 : 0;
+  return shape;
 }
 
 /// Why the file cannot serve; empty when it can. Only an accuracy and a seed that were asked for count.
@@ -56,13 +59,13 @@ SceneOptions as_made(const SceneOptions& options, const iff::Shape& shape) {
 }
 
 KeptFormFactors work_on(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                        const iff::Shape& shape, IffStore::Mode mode, ProgressSink& progress) {
+                        const iff::Shape& shape, IffStore::Mode mode, const Maker& maker, ProgressSink& progress) {
   const PatientInterrupt patient;
   IffStore store(file, shape,
                  {mode, PatientInterrupt::asked, [&](const std::string& line) { progress.message(line); }});
   AssemblyOptions assembly = assembly_options(options);
   assembly.panels = &store;
-  KeptFormFactors out{assemble(loaded.mesh, assembly, &progress), {}};
+  KeptFormFactors out{maker.assemble(assembly), {}};
   AssemblyReport& report = out.factors.report;
   report_warnings(report, loaded.scene.file, progress);
   const char* done = report.panels_reused == 0 ? "computed" : "continued";
@@ -70,9 +73,9 @@ KeptFormFactors work_on(const std::string& file, const MeshedScene& loaded, cons
   if (mode == IffStore::Mode::read) done = "closure found anew";
   if (mode != IffStore::Mode::read) {
     store.finish(iff_closing(loaded.mesh, loaded.scene.materials, assembly.closure, report));
-    if (PatientInterrupt::asked()) {
-      throw Error(ErrorKind::interrupted, fmt::format("{} is complete, and serves the same command", file));
-    }
+  }
+  if (PatientInterrupt::asked()) {
+    throw Error(ErrorKind::interrupted, fmt::format("{} is complete, and serves the same command", file));
   }
   out.kept = kept_of(file, store.shape(), report.panels_reused, done);
   return out;
@@ -99,27 +102,28 @@ bool fits(const std::string& file, const MeshedScene& loaded, const SceneOptions
 }
 
 KeptFormFactors keep(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                     ProgressSink& progress) {
-  return work_on(file, loaded, options, wanted_shape(loaded, options), IffStore::Mode::make, progress);
+                     const Maker& maker, ProgressSink& progress) {
+  return work_on(file, loaded, options, wanted_shape(loaded, options, maker.device), IffStore::Mode::make, maker,
+                 progress);
 }
 
 KeptFormFactors repair(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                       ProgressSink& progress) {
-  return work_on(file, loaded, options, wanted_shape(loaded, options), IffStore::Mode::repair, progress);
+                       const Maker& maker, ProgressSink& progress) {
+  return work_on(file, loaded, options, wanted_shape(loaded, options, maker.device), IffStore::Mode::repair, maker,
+                 progress);
 }
 
 KeptFormFactors close_again(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                            ProgressSink& progress) {
+                            const Maker& maker, ProgressSink& progress) {
   const iff::Shape shape = IffFile::open(file).shape();
-  KeptFormFactors out = work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::repair, progress);
+  KeptFormFactors out = work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::repair, maker, progress);
   out.kept.done = "closure found anew";
   return out;
 }
 
 KeptFormFactors form_factors_for_solve(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                                       ProgressSink& progress) {
-  if (file.empty()) return {assemble_checked(loaded, options, progress), {}};
-  if (!is_there(file)) return keep(file, loaded, options, progress);
+                                       const Maker& maker, ProgressSink& progress) {
+  if (!is_there(file)) return keep(file, loaded, options, maker, progress);
   const IffFile there = IffFile::open(file);
   const iff::Shape& shape = there.shape();
   // A divide that came from the file is not one that was asked for.
@@ -129,7 +133,7 @@ KeptFormFactors form_factors_for_solve(const std::string& file, const MeshedScen
   if (!why.empty()) throw input_error(file, 0, fmt::format("does not fit {}: {}", loaded.scene.file, why));
   if (there.closure() != assembly_options(options).closure) {
     progress.message(fmt::format("{}: its form factors are used, the closure is found anew", file));
-    return work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::read, progress);
+    return work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::read, maker, progress);
   }
   progress.message(fmt::format("{}: its form factors are used (accuracy {}, seed {})", file,
                                text_of({there.accuracy()}), there.seed()));

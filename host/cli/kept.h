@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include "interflect/formfactor/assembly.h"
@@ -20,6 +21,12 @@ struct Kept {
 };
 [[nodiscard]] Kept kept_of(const std::string& file, const iff::Shape& shape, std::uint32_t reused, std::string done);
 
+/// Who computes panels that are not kept yet.
+struct Maker {
+  bool device = false;  ///< a device's kernels, else Embree
+  std::function<FormFactors(const AssemblyOptions& options)> assemble;
+};
+
 struct KeptFormFactors {
   FormFactors factors;
   Kept kept;
@@ -28,11 +35,12 @@ struct KeptFormFactors {
 /// `solve --form-factors FILE` without --divide and --patches takes the file's, where it is there.
 [[nodiscard]] SceneOptions with_the_files_divide(const SceneOptions& options, const std::string& file);
 
-/// `solve --form-factors FILE`: from the file where it is there, else computed and kept in it; without a name,
-/// computed. Throws an input Error that says what differs when the file does not fit the scene and the options: another
+/// `solve --form-factors FILE`: from the file where it is there, else computed and kept in it.
+/// Throws an input Error that says what differs when the file does not fit the scene and the options: another
 /// geometry, a coarser accuracy than the one given, another seed than the one given.
 [[nodiscard]] KeptFormFactors form_factors_for_solve(const std::string& file, const MeshedScene& loaded,
-                                                     const SceneOptions& options, ProgressSink& progress);
+                                                     const SceneOptions& options, const Maker& maker,
+                                                     ProgressSink& progress);
 
 /// `formfactors SCENE -o FILE`: whether FILE is there and fits; says what does not.
 [[nodiscard]] bool fits(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
@@ -40,12 +48,12 @@ struct KeptFormFactors {
 /// Computes the form factors and keeps them in FILE, going on from what FILE.partial has. While it works the first
 /// Ctrl-C ends it after the panel in hand, as an interrupted Error.
 [[nodiscard]] KeptFormFactors keep(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                                   ProgressSink& progress);
+                                   const Maker& maker, ProgressSink& progress);
 /// `formfactors SCENE -o FILE --repair`: computes again what is damaged in FILE.
 [[nodiscard]] KeptFormFactors repair(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                                     ProgressSink& progress);
+                                     const Maker& maker, ProgressSink& progress);
 /// FILE, which fits, with another closure: its panels are used and its end is written again.
 [[nodiscard]] KeptFormFactors close_again(const std::string& file, const MeshedScene& loaded,
-                                          const SceneOptions& options, ProgressSink& progress);
+                                          const SceneOptions& options, const Maker& maker, ProgressSink& progress);
 
 }  // namespace interflect::cli

@@ -147,12 +147,12 @@ Light light_of(const PatchMesh& mesh) {
   return light;
 }
 
-namespace {
-
 Solved solved_of(FallbackReport done, const Columns& radiosity, StorageUse storage) {
-  return {by_patch(radiosity),      std::move(done.report), std::move(done.devices),
-          std::move(done.failures), done.upload_seconds,    storage};
+  return {by_patch(radiosity), std::move(done.report), std::move(done.devices), std::move(done.failures),
+          done.upload_seconds, std::move(storage),     done.uploaded_bytes};
 }
+
+namespace {
 
 Solved solve_dense(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Method method,
                    const StopTest& stop, ProgressSink& progress) {
@@ -207,6 +207,7 @@ Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
   Solved dense = solve_dense(matrix, mesh, candidates, method, stop, progress);
   dense.storage.refused = fmt::format("{}: {}", name(format), why);
   dense.storage.pack_seconds = solved.storage.pack_seconds;
+  dense.uploaded_bytes += solved.uploaded_bytes;
   return dense;
 }
 
@@ -231,15 +232,15 @@ double Energy::balance_error() const {
   return sum > 0 ? difference / sum : 0;
 }
 
-Energy energy_balance(const FormFactorMatrix& matrix, const PatchMesh& mesh, const std::vector<Rgb>& radiosity,
+Energy energy_balance(const ExactProduct& product, const PatchMesh& mesh, const std::vector<Rgb>& radiosity,
                       const std::vector<double>& row_sum) {
-  const std::uint32_t n = matrix.size();
+  const auto n = static_cast<std::uint32_t>(radiosity.size());
   Columns b(3, std::vector<float>(n));  // the radiosities came as floats: nothing is lost
   for (std::uint32_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 3; ++c) b[c][i] = static_cast<float>(radiosity[i][c]);
   }
   std::vector<std::vector<double>> received;
-  exact_product(matrix, b, received);
+  product(b, received);
   Energy energy;
   for (std::uint32_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 3; ++c) {

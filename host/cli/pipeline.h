@@ -1,6 +1,8 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -82,7 +84,9 @@ struct Solved {
   std::vector<DeviceFailure> failures;
   double upload_seconds = 0;
   StorageUse storage = {};
+  std::uint64_t uploaded_bytes = 0;  ///< of F
 };
+[[nodiscard]] Solved solved_of(FallbackReport done, const Columns& radiosity, StorageUse storage);
 /// On the first candidate, and on the next ones when it fails, with F in the storage format, or, without one, in that
 /// of choose_storage(). A 16-bit format whose rounding moves a radiosity by more than largest_rounding_error is refused
 /// with a warning, and dense32 takes its place.
@@ -100,7 +104,9 @@ struct Energy {
 };
 /// emitted = Σ A E, absorbed = Σ A (1 − ρ)(F B), escaped = Σ A B (1 − Σ_j F_ij): F B is computed anew in double, so
 /// that the balance checks reciprocity and the solution.
-[[nodiscard]] Energy energy_balance(const FormFactorMatrix& matrix, const PatchMesh& mesh,
+/// `product` is F x, accurately, wherever F lies.
+using ExactProduct = std::function<void(const Columns& x, std::vector<std::vector<double>>& y)>;
+[[nodiscard]] Energy energy_balance(const ExactProduct& product, const PatchMesh& mesh,
                                     const std::vector<Rgb>& radiosity, const std::vector<double>& row_sum);
 
 }  // namespace interflect::cli

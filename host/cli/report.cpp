@@ -69,8 +69,9 @@ ordered_json closure_json(const AssemblyReport& report, const std::function<std:
   return out;
 }
 
-ordered_json error_json(const EstimatedError& error) {
-  return {{"rms", error.rms}, {"max", error.max}};
+ordered_json error_json(const std::optional<EstimatedError>& error) {
+  if (!error) return nullptr;
+  return {{"rms", error->rms}, {"max", error->max}};
 }
 
 ordered_json kept_json(const Kept& kept) {
@@ -85,9 +86,17 @@ std::string kept_text(const Kept& kept) {
                      kept.reused, kept.panels, text_of({kept.eps}), kept.seed);
 }
 
+ordered_json assembly_json(const AssemblyReport& report, const AssemblyUse& use) {
+  return {{"device", use.device},
+          {"bytes_over_bus", use.bytes_over_bus},
+          {"pairs_considered", report.pairs_considered},
+          {"pairs_analytic", report.pairs_analytic},
+          {"rays", report.rays}};
+}
+
 ordered_json to_json(const SolveSummary& summary) {
   const MeshedScene& loaded = *summary.loaded;
-  const FormFactors& factors = *summary.factors;
+  const AssemblyReport& assembled = *summary.assembled;
   const SolveReport& report = summary.solved->report;
   ordered_json out;
   out["interflect"] = INTERFLECT_VERSION;
@@ -119,23 +128,21 @@ ordered_json to_json(const SolveSummary& summary) {
       {"refused", storage.refused.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(storage.refused)}};
   out["seconds"] = {{"read", loaded.read_seconds},
                     {"mesh", loaded.mesh_seconds},
-                    {"form_factors", factors.report.seconds},
+                    {"form_factors", assembled.seconds},
                     {"pack", storage.pack_seconds},
                     {"upload", summary.solved->upload_seconds},
                     {"compile", kernels.seconds},
                     {"solve", report.seconds},
                     {"write", summary.write_seconds},
                     {"total", summary.total_seconds}};
-  out["closure"] = closure_json(factors.report, loaded);
+  out["closure"] = closure_json(assembled, loaded);
   out["energy"] = energy_json(summary.energy);
-  out["assembly"] = {{"pairs_considered", factors.report.pairs_considered},
-                     {"pairs_analytic", factors.report.pairs_analytic},
-                     {"rays", factors.report.rays}};
+  out["assembly"] = assembly_json(assembled, summary.assembly);
   out["form_factors"] = kept_json(summary.kept);
   out["estimated_error"] = {{"row_sum", error_json(summary.row_error)},
                             {"radiosity", error_json(summary.radiosity_error)}};
   out["warnings"] = loaded.warnings;
-  for (const std::string& warning : factors.report.warnings) out["warnings"].push_back(warning);
+  for (const std::string& warning : assembled.warnings) out["warnings"].push_back(warning);
   return out;
 }
 
@@ -172,12 +179,12 @@ std::string to_text(const SolveSummary& summary) {
   std::string out = fmt::format("scene          {}: {} triangles, {} patches (--divide {:.6g})\n", loaded.scene.file,
                                 loaded.scene.triangles.size(), loaded.mesh.size(), loaded.divide);
   const StorageUse& storage = summary.solved->storage;
-  out += fmt::format("form factors   {:.2f} s, {:.1f} % non-zero\n", summary.factors->report.seconds,
-                     100 * storage.nonzero_fraction);
+  out += fmt::format("form factors   {:.2f} s on {}, {:.1f} % non-zero\n", summary.assembled->seconds,
+                     summary.assembly.device, 100 * storage.nonzero_fraction);
   out += kept_text(summary.kept);
   out += fmt::format("storage        {}, {:.1f} MiB{}\n", name(storage.format),
                      static_cast<double>(storage.bytes) / (1 << 20), rounding_text(storage));
-  out += closure_text(summary.factors->report);
+  out += closure_text(*summary.assembled);
   out += fmt::format("solve          {} on {}: {}, {} iterations, {} products, {:.3f} s\n", name(summary.method),
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,
                      report.seconds);
@@ -190,9 +197,11 @@ std::string to_text(const SolveSummary& summary) {
                        kernels.from_cache, kernels.seconds);
   }
   out += fmt::format("residual       {:.2e} (relative, per channel)\n", fmt::join(report.relative_residual, " "));
-  out += fmt::format(
-      "sampling       row sums {:.1e} rms, {:.1e} at most; a radiosity {:.1e} rms, {:.1e} of the largest\n",
-      summary.row_error.rms, summary.row_error.max, summary.radiosity_error.rms, summary.radiosity_error.max);
+  if (summary.row_error && summary.radiosity_error) {
+    out += fmt::format("sampling       row sums {:.1e} rms, {:.1e} at most; a radiosity {:.1e} rms, {:.1e} of the largest\n",
+                       summary.row_error->rms, summary.row_error->max, summary.radiosity_error->rms,
+                       summary.radiosity_error->max);
+  }
   out += fmt::format("energy         emitted {:.6g}, absorbed {:.6g}, escaped {:.6g}, balance error {:.1e}\n",
                      sum(summary.energy.emitted), sum(summary.energy.absorbed), sum(summary.energy.escaped),
                      summary.energy.balance_error());

@@ -8,20 +8,22 @@
 #include "interflect/formfactor/estimate.h"
 #include "kept.h"
 #include "pipeline.h"
+#include "place.h"
 
 namespace interflect::cli {
 
 /// Everything that `solve` has to say, for people and for programs.
 struct SolveSummary {
   const MeshedScene* loaded = nullptr;
-  const FormFactors* factors = nullptr;
+  const AssemblyReport* assembled = nullptr;
   const Solved* solved = nullptr;
   Method method = Method::cg;
   StopTest stop;
   Energy energy;
+  AssemblyUse assembly;
   double write_seconds = 0, total_seconds = 0;
   Kept kept = {};
-  EstimatedError row_error = {}, radiosity_error = {};
+  std::optional<EstimatedError> row_error = {}, radiosity_error = {};  ///< none: the maker of the tiles did not say
 };
 
 /// The JSON report: the fields that DESIGN's section on the command line fixes, and more beside them.
@@ -34,6 +36,8 @@ struct SolveSummary {
 
 /// Row sums, closure, set-aside patches: the part of the report that `formfactors` prints as well.
 [[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded);
+/// Where and with how much work F was assembled.
+[[nodiscard]] nlohmann::ordered_json assembly_json(const AssemblyReport& report, const AssemblyUse& use);
 [[nodiscard]] std::string closure_text(const AssemblyReport& report);
 
 [[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report,
@@ -42,7 +46,7 @@ struct SolveSummary {
 /// Where the form factors are kept and what was done; null without a file. As text: a line, or nothing.
 [[nodiscard]] nlohmann::ordered_json kept_json(const Kept& kept);
 [[nodiscard]] std::string kept_text(const Kept& kept);
-[[nodiscard]] nlohmann::ordered_json error_json(const EstimatedError& error);
+[[nodiscard]] nlohmann::ordered_json error_json(const std::optional<EstimatedError>& error);
 
 /// A device's reason may hold a compiler's log: its first line.
 [[nodiscard]] std::string_view first_line(std::string_view text);

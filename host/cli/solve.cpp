@@ -17,6 +17,7 @@
 #include "outputs.h"
 #include "parse.h"
 #include "pipeline.h"
+#include "place.h"
 #include "report.h"
 #include "validators.h"
 
@@ -32,6 +33,7 @@ struct Options {
   std::string device = "auto";
   std::string method = "cg";
   std::string storage = "auto";
+  std::string assembly = "auto";
   StopTest stop;
   std::string camera, up = "0,1,0", size = "1280x720", tone = "filmic";
   std::optional<double> exposure;
@@ -113,7 +115,7 @@ void check_picture(const Options& options) {
 
 void write_outputs(const Options& options, const SolveSummary& summary, ProgressSink& progress) {
   const MeshedScene& loaded = *summary.loaded;
-  Solution solution{&loaded.mesh, loaded.grouping, summary.solved->radiosity, summary.factors->report.row_sum};
+  Solution solution{&loaded.mesh, loaded.grouping, summary.solved->radiosity, summary.assembled->row_sum};
   const PictureOptions picture = picture_options(options, loaded.scene);
   std::optional<Picture> rendered;  // one for .png and .exr together
   for (const std::string& file : options.outputs) {
@@ -146,17 +148,18 @@ int run(const Options& options) {
   const SceneOptions as_kept = with_the_files_divide(options.scene, options.form_factors);
   const MeshedScene loaded = load(as_kept, console);
   check_inputs_stay(options, loaded.scene);
-  const KeptFormFactors kept = form_factors_for_solve(options.form_factors, loaded, as_kept, console);
-  const FormFactors& factors = kept.factors;
   const Method method = method_of(options.method);
-  const Solved solved =
-      solve_scene(factors.matrix, loaded.mesh, candidates, storage_of(options.storage), method, options.stop, console);
+  const PlacedSolve placed = assemble_and_solve(loaded, as_kept, options.form_factors, assembly_place(options.assembly),
+                                                candidates, storage_of(options.storage), method, options.stop, console);
+  const Solved& solved = placed.solved;
 
-  SolveSummary summary{&loaded, &factors, &solved, method, options.stop, {}, 0, 0, kept.kept, {}, {}};
-  summary.row_error = row_sum_error(factors.report.tile_variance, loaded.mesh.area);
-  summary.radiosity_error =
-      radiosity_error(factors.report.tile_variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
-  summary.energy = energy_balance(factors.matrix, loaded.mesh, solved.radiosity, factors.report.row_sum);
+  SolveSummary summary{&loaded, &placed.factors.report, &solved, method, options.stop, placed.energy, placed.assembly};
+  summary.kept = placed.kept;
+  const std::vector<float>& variance = placed.factors.report.tile_variance;
+  if (!variance.empty()) {
+    summary.row_error = row_sum_error(variance, loaded.mesh.area);
+    summary.radiosity_error = radiosity_error(variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
+  }
   const Timer writing;
   write_outputs(options, summary, console);
   summary.write_seconds = writing.seconds();
@@ -213,6 +216,7 @@ void add_solve(CLI::App& program, Action& action) {
       .add_option("--storage", options->storage, "storage of the form factors: auto, dense32, dense16, tiled16, sym16")
       ->check(CLI::IsMember({"auto", "dense32", "dense16", "tiled16", "sym16"}))
       ->capture_default_str();
+  add_assembly_option(command, options->assembly);
   auto* camera =
       command.add_option("--camera", options->camera, "EX,EY,EZ,TX,TY,TZ[,FOV]: eye, target, vertical degrees");
   command.add_option("--up", options->up, "the camera's up: X,Y,Z")->needs(camera)->capture_default_str();

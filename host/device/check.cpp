@@ -24,8 +24,10 @@ std::vector<KernelCheck> check_device(Device& device, std::uint64_t max_size) {
   std::vector<KernelCheck> rows;
   check::check_stream(device, rows, {.max_size = max_size});
   check::check_matvec(device, rows, {.max_size = max_size});
+  check::check_resident(device, rows, {.max_size = max_size});
   check::check_packed(device, rows, {.max_size = max_size});
   check::check_vectors(device, rows, {.max_size = max_size});
+  check::check_rays(device, rows, {.max_size = max_size});
   for (KernelCheck& row : rows) row.device = device.info().id;
   return rows;
 }

@@ -36,6 +36,8 @@ inline constexpr std::uint64_t every_size = std::numeric_limits<std::uint64_t>::
 
 /// The relative error c u / (1 - c u), u = 2^-24, that kernels/README.md allows a matvec of n columns.
 [[nodiscard]] double matvec_bound(std::uint64_t n);
+/// What it allows hi + lo of matvec_exact: some 3e-11.
+[[nodiscard]] double matvec_exact_bound(std::uint64_t n);
 /// What it allows a row of tiles16 of n columns, and a partial sum of sym16 with blocks of `block` rows.
 [[nodiscard]] double packed_bound(std::uint64_t n);
 [[nodiscard]] double sym16_bound(std::uint64_t block);

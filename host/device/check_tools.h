@@ -74,10 +74,14 @@ struct Selection {
 [[nodiscard]] Macros case_macros(const DeviceInfo& device, std::string_view kernel, const Selection& selection,
                                  std::uint32_t columns);
 void check_matvec(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
+/// matvec_exact and close_rows.
+void check_resident(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 void check_stream(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});  ///< read and copy
 /// tiles16, sym16, sym16_fold, scale.
 void check_packed(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 /// dot, axpby, and the steps of the solvers.
 void check_vectors(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
+/// shadow_rays; the size is the number of triangles.
+void check_rays(Device& device, std::vector<KernelCheck>& rows, const Selection& selection = {});
 
 }  // namespace interflect::check

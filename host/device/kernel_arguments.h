@@ -19,6 +19,12 @@ struct MatvecArguments {
   std::uint32_t vector_stride = 0;  ///< elements from one column of x or y to the next, a multiple of 16
 };
 
+/// Rows of a panel for one work-group of matvec_exact and close_rows, which take MatvecArguments as well.
+///   matvec_exact: y as hi + lo; hi as y of matvec, lo COLUMNS * vector_stride floats behind it.
+///   close_rows: f[r, j] *= factor[first + r] * d[j] in place; of the row, at of_rows[k * vector_stride + first + r]: k = 0,
+///   1 the least and largest d[j] with f[r, j] != 0, k = 2 how many there are. Buffers: f, d, factor, of_rows.
+inline constexpr std::uint32_t panel_group = 4;
+
 // The 16-bit formats. Elements are fp16 (halves); x comes scaled, from the kernel `scale`, with zeros behind its n
 // elements; a tile is 8 rows x 16 columns, row-major, and begins at multiples of these.
 
@@ -89,5 +95,49 @@ inline constexpr std::uint32_t xw = 1, ww = 2, zx = 3, zw = 4, xx = 5;  ///< BiC
 struct StreamArguments {
   std::uint32_t lines = 0;
 };
+
+/// shadow_rays: hidden[i] = 1 where a triangle lies on ray i, else 0. Buffers: a hierarchy's nodes and leaves
+/// (hierarchy.h), rays of 8 floats (origin, near, direction, far), hidden.
+struct ShadowRayArguments {
+  std::uint32_t rays = 0;
+  std::uint32_t nodes = 0;   ///< of the hierarchy, at least 1
+  std::uint32_t leaves = 0;  ///< of the hierarchy, at least 1
+};
+
+/// The assembly of S by tiles (tile_kinds ... tile_store): one block for all its kernels. Buffers: patches, tiles,
+/// work, extra, and for tile_rays a hierarchy's nodes and leaves (hierarchy.h), for tile_store a panel.
+struct AssemblyArguments {
+  std::uint32_t n = 0;      ///< patches; the table is padded to whole blocks of 32
+  std::uint32_t tiles = 0;  ///< in the batch
+  std::uint32_t first = 0;  ///< the launch does items [first, first + items)
+  std::uint32_t items = 0;
+  /// tile_special: the list. tile_rays: 0 the pilot's first chunks, 1 the list. tile_shares: 0 pilot, 1 all rays.
+  std::uint32_t option = 0;
+  std::uint32_t chunks = 0;                         ///< that `extra` has room for
+  std::uint32_t cuts = 0;                           ///< likewise
+  float pilot_per_factor = 0, rays_per_factor = 0;  ///< from here on RayBudget
+  std::uint32_t most_in_pilot = 0, fewest = 0, most = 0;
+  float split_from = 0, three2 = 0, six2 = 0;  ///< the ratios squared
+  float three_error2 = 0, six_error2 = 0;      ///< the errors squared
+  float lift = 0;                              ///< of the rays' ends off their patches
+  std::uint32_t panel_first = 0, panel_rows = 0, panel_stride = 0;
+};
+
+/// Sizes of the assembly's buffers, in words of 32 bits; kernels/shared/tile_layout.h has the same.
+namespace assembly {
+inline constexpr std::uint32_t block = 32, tile_pairs = block * block;
+inline constexpr std::uint32_t patch_words = 32, tile_words = 4;
+inline constexpr std::uint32_t counters = 16, sections = 9;
+inline constexpr std::uint32_t chunk_rays = 8, chunk_words = 7, cut_pieces = 64, cut_words = 196;
+inline constexpr std::uint32_t traced_bit = 0x80000000U;
+/// Places of the counters: three lists of pairs, two of chunks, cuts, facts.
+inline constexpr std::uint32_t lists = 0, chunks = 3, cuts = 5, considered = 6, analytic = 7, rays = 8;
+[[nodiscard]] constexpr std::uint64_t work_words(std::uint64_t tiles) {
+  return counters + tiles * (sections * tile_pairs + block);
+}
+[[nodiscard]] constexpr std::uint64_t extra_words(std::uint64_t chunk_room, std::uint64_t cut_room) {
+  return chunk_room * chunk_words + cut_room * cut_words;
+}
+}  // namespace assembly
 
 }  // namespace interflect

@@ -39,8 +39,8 @@ std::string_view included(std::string_view line) {
   return rest.substr(0, rest.find('"'));
 }
 
-void append(std::string& out, std::string_view language, std::string_view file, std::set<std::string>& seen) {
-  const std::string path = fmt::format("{}/{}", language, file);
+/// `path`: LANGUAGE/FILE. Names in it are relative to its folder.
+void append(std::string& out, const std::string& path, std::set<std::string>& seen) {
   if (!seen.insert(path).second) return;
   const std::string text = text_of(path);
   out += fmt::format("#line 1 \"{}\"\n", path);
@@ -51,7 +51,7 @@ void append(std::string& out, std::string_view language, std::string_view file, 
     begin = end + 1;
     ++number;
     if (const std::string_view other = included(line); !other.empty()) {
-      append(out, language, other, seen);
+      append(out, (std::filesystem::path(path).parent_path() / other).lexically_normal().generic_string(), seen);
       out += fmt::format("#line {} \"{}\"\n", number + 1, path);
     } else {
       out += line;
@@ -65,7 +65,7 @@ void append(std::string& out, std::string_view language, std::string_view file, 
 std::string kernel_source(std::string_view language, std::string_view file) {
   std::string out;
   std::set<std::string> seen;
-  append(out, language, file, seen);
+  append(out, fmt::format("{}/{}", language, file), seen);
   return out;
 }
 

@@ -44,6 +44,29 @@ BufferSizes matvec_needs(const LaunchShape& launch) {
   return {std::uint64_t{a.rows} * a.row_stride, columns, columns - a.vector_stride + a.first + a.rows};
 }
 
+/// What matvec_exact and close_rows share: a panel, and groups of panel_group rows.
+MatvecArguments panel_of(const LaunchShape& launch) {
+  const auto a = launch.arguments<MatvecArguments>();
+  demand(a.row_stride % 16 == 0 && a.vector_stride % 16 == 0, "a stride is not a multiple of 16");
+  demand(a.n <= a.row_stride && a.n <= a.vector_stride, "n is larger than a stride");
+  demand(a.n <= largest_n, "n is larger than 1048576");
+  demand(std::uint64_t{a.first} + a.rows <= a.vector_stride, "the panel's rows end behind the vector");
+  demand(std::uint64_t{launch.groups} * panel_group >= a.rows, "the work-groups do not cover the panel's rows");
+  return a;
+}
+
+BufferSizes matvec_exact_needs(const LaunchShape& launch) {
+  const MatvecArguments a = panel_of(launch);
+  const std::uint64_t columns = static_cast<std::uint64_t>(launch.macro("COLUMNS")) * a.vector_stride;
+  return {std::uint64_t{a.rows} * a.row_stride, columns, 2 * columns - a.vector_stride + a.first + a.rows};
+}
+
+BufferSizes close_rows_needs(const LaunchShape& launch) {
+  const MatvecArguments a = panel_of(launch);
+  const std::uint64_t end = std::uint64_t{a.first} + a.rows;
+  return {std::uint64_t{a.rows} * a.row_stride, a.vector_stride, end, 2 * std::uint64_t{a.vector_stride} + end};
+}
+
 BufferSizes tiles16_needs(const LaunchShape& launch) {
   const auto a = launch.arguments<TileArguments>();
   demand(a.vector_stride % 16 == 0 && a.n <= a.vector_stride, "n is larger than the stride, or that no multiple of 16");
@@ -115,11 +138,56 @@ BufferSizes sym16_fold_needs(const LaunchShape& launch) {
   return {partial_floats(block_rows, a.columns, block), sizes[1], sizes[2]};
 }
 
+BufferSizes shadow_rays_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<ShadowRayArguments>();
+  demand(a.rays > 0 && a.nodes > 0 && a.leaves > 0, "no rays, or no hierarchy");
+  demand(a.nodes <= largest_hierarchy && a.leaves <= largest_hierarchy, "more than 134217728 nodes or leaves");
+  demand(ceil_div(a.rays, launch.groups) <= rays_for_a_group, "more than 128 rays for a work-group");
+  return {std::uint64_t{a.nodes} * 16, std::uint64_t{a.leaves} * 36, std::uint64_t{a.rays} * 8, a.rays};
+}
+
+/// Items of an assembly kernel; throws where the launch does not do all of them.
+enum class Item { column, listed, pair, ray, piece, row };
+template <Item Of>
+BufferSizes assembly_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<AssemblyArguments>();
+  demand(a.n > 0 && a.n <= largest_n && a.tiles > 0, "no patches or no tiles");
+  demand(a.items > 0, "no items");
+  demand(a.tiles <= 0x7FFFFFFFU / (assembly::sections * assembly::tile_pairs), "too many tiles for a batch");
+  const std::uint64_t pairs = std::uint64_t{a.tiles} * assembly::tile_pairs, end = std::uint64_t{a.first} + a.items;
+  const std::uint64_t all = Of == Item::column || Of == Item::row ? pairs / assembly::block
+                            : Of == Item::piece                   ? std::uint64_t{a.cuts} * assembly::cut_pieces
+                            : Of == Item::ray && a.option != 0    ? a.chunks
+                                                                  : pairs;
+  demand(end <= all, "items behind the last one");
+  demand(Of != Item::listed || a.option < 3, "no such list");
+  return {ceil_div(a.n, assembly::block) * assembly::block * assembly::patch_words,
+          std::uint64_t{a.tiles} * assembly::tile_words, assembly::work_words(a.tiles),
+          assembly::extra_words(a.chunks, a.cuts)};
+}
+
+BufferSizes tile_rays_needs(const LaunchShape& launch) {
+  BufferSizes sizes = assembly_needs<Item::ray>(launch);
+  sizes[4] = 16;  // a hierarchy has a node and a leaf at least
+  sizes[5] = 36;
+  return sizes;
+}
+
+BufferSizes tile_store_needs(const LaunchShape& launch) {
+  const auto a = launch.arguments<AssemblyArguments>();
+  demand(a.panel_rows > 0 && std::uint64_t{a.panel_first} + a.panel_rows <= a.n, "the panel's rows do not lie in S");
+  demand(a.panel_stride % 16 == 0 && a.panel_stride >= a.n, "the stride is no multiple of 16, or too small");
+  BufferSizes sizes = assembly_needs<Item::pair>(launch);
+  sizes[4] = std::uint64_t{a.panel_rows} * a.panel_stride;
+  return sizes;
+}
+
 }  // namespace
 
 std::span<const KernelLine> kernel_table() {
   constexpr std::size_t stream = sizeof(StreamArguments);
   constexpr std::size_t vectors = sizeof(VectorArguments);
+  constexpr std::size_t tiles = sizeof(AssemblyArguments);
   static const std::vector<KernelLine> lines = {
       {"copy", "copy", "rw", stream, {}, &copy_needs},
       {"read", "read", "rw", stream, {{"STREAMS", 1, 8, 0}}, &read_needs},
@@ -129,6 +197,8 @@ std::span<const KernelLine> kernel_table() {
        sizeof(MatvecArguments),
        {{"COLUMNS", 1, 24, 0}, {"ROWS", 1, 64, 16, {4, 8, 12, 16, 32, 64}, true}},
        &matvec_needs},
+      {"matvec_exact", "matvec_exact", "rrw", sizeof(MatvecArguments), {{"COLUMNS", 1, 24, 0}}, &matvec_exact_needs},
+      {"close_rows", "close_rows", "wrrw", sizeof(MatvecArguments), {}, &close_rows_needs},
       {"tiles16",
        "tiles16",
        "rrrrw",
@@ -147,6 +217,16 @@ std::span<const KernelLine> kernel_table() {
        &sym16_needs},
       {"sym16_fold", "sym16", "rrw", vectors, {}, &sym16_fold_needs},
       {"scale", "scale", "rrw", vectors, {}, &scale_needs},
+      {"shadow_rays", "shadow_rays", "rrrw", sizeof(ShadowRayArguments), {}, &shadow_rays_needs},
+      {"tile_kinds", "assembly", "rrww", tiles, {}, &assembly_needs<Item::column>},
+      {"tile_special", "assembly", "rrww", tiles, {}, &assembly_needs<Item::listed>},
+      {"tile_pilot", "assembly", "rrww", tiles, {}, &assembly_needs<Item::pair>},
+      {"tile_rays", "assembly", "rrwwrr", tiles, {}, &tile_rays_needs},
+      {"tile_shares", "assembly", "rrww", tiles, {}, &assembly_needs<Item::pair>},
+      {"tile_mixed", "assembly", "rrww", tiles, {}, &assembly_needs<Item::pair>},
+      {"tile_pieces", "assembly", "rrww", tiles, {}, &assembly_needs<Item::piece>},
+      {"tile_finish", "assembly", "rrww", tiles, {}, &assembly_needs<Item::row>},
+      {"tile_store", "assembly", "rrwww", tiles, {}, &tile_store_needs},
       {"dot", "reduce", "rrw", vectors, {}, &set_needs<2>},
       {"reduce", "reduce", "w", vectors, {}, &set_needs<0>},
       {"axpby", "axpby", "rwr", vectors, {}, &vector_needs<2>},

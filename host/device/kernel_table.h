@@ -82,6 +82,12 @@ struct FoundKernel {
 /// that up to here. A dense F of that size has 4 TiB.
 inline constexpr std::uint32_t largest_n = 1U << 20;
 
+/// Nodes, or leaves, of a hierarchy that shadow_rays takes: a kernel counts their fours in 31 bits.
+inline constexpr std::uint32_t largest_hierarchy = 1U << 27;
+/// Rays for one work-group of shadow_rays: on a processor one invocation may take them all, in loops of at most 65,535
+/// turns.
+inline constexpr std::uint32_t rays_for_a_group = 128;
+
 /// What Queue::launch() checks before it enqueues: number, access and size of the buffers, the argument block, the
 /// groups against the device's limit. Throws a device Error "DEVICE: launch KERNEL (LABEL): CAUSE".
 void check_launch(const DeviceInfo& device, const KernelLine& line, const Macros& macros, std::uint32_t groups,

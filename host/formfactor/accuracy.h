@@ -31,6 +31,7 @@ struct RayBudget {
   std::uint32_t most = 8192;
   float split_from = 0.01F;  ///< near, mixed pairs with F of at least this are cut into pieces with rays of their own
   kernel::Ratios ratios;     ///< from which quadrature does
+  float three_points_error = 2e-4F, six_points_error = 5e-5F;  ///< rms, as shares of S, that it leaves there
 };
 
 /// The budget whose rays leave about accuracy.eps.

@@ -12,6 +12,7 @@
 #include "interflect/formfactor/form_factor_matrix.h"
 #include "interflect/formfactor/packed_matrix.h"
 #include "interflect/schedule/columns.h"
+#include "interflect/schedule/device_matrix.h"
 
 namespace interflect {
 
@@ -78,5 +79,9 @@ class Product {
                                                     const VectorArguments& shape, std::uint32_t groups);
 [[nodiscard]] std::unique_ptr<Product> make_product(const PackedMatrix& form_factors, Device& device,
                                                     const VectorArguments& shape, std::uint32_t groups);
+
+/// F that lies on the device already.
+[[nodiscard]] std::unique_ptr<Product> make_product(DeviceMatrix matrix, Device& device, const VectorArguments& shape,
+                                                    std::uint32_t groups);
 
 }  // namespace interflect

@@ -9,6 +9,7 @@
 #include "interflect/base/error.h"
 #include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
+#include "interflect/schedule/device_form_factors.h"
 #include "interflect/schedule/product.h"
 
 namespace interflect {
@@ -63,6 +64,23 @@ Scheduler::Scheduler(const PackedMatrix& form_factors, std::vector<std::unique_p
                      std::uint32_t columns)
     : Scheduler(std::move(devices), form_factors.size(), columns) {
   product_ = make_product(form_factors, *device_, arguments_, groups_);
+  place();
+}
+
+namespace {
+
+std::vector<std::unique_ptr<Device>> only(std::unique_ptr<Device> device) {
+  std::vector<std::unique_ptr<Device>> devices;
+  devices.push_back(std::move(device));
+  return devices;
+}
+
+}  // namespace
+
+// The base takes the device; the matrix, which has gone before it into the Product, is destroyed before it.
+Scheduler::Scheduler(DeviceFormFactors form_factors, std::uint32_t columns)
+    : Scheduler(only(std::move(form_factors).take_device()), form_factors.matrix().size(), columns) {
+  product_ = make_product(std::move(form_factors).take_matrix(), *device_, arguments_, groups_);
   place();
 }
 

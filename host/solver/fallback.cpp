@@ -71,6 +71,7 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
       scheduler.reset();
       scheduler = place(candidates.take());
       result.upload_seconds += timer.seconds() - scheduler->compile_seconds();
+      result.uploaded_bytes += scheduler->uploaded_bytes();
       result.report = solve(*scheduler, method, stop, area, reflectance, emittance, radiosity, progress, &checkpoint);
       if (after) after(*scheduler);
       done = true;

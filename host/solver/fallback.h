@@ -62,6 +62,7 @@ struct FallbackReport {
   std::vector<std::string> devices;  ///< ids of those whose work is in the result, in order
   std::vector<DeviceFailure> failures;
   double upload_seconds = 0;  ///< placing F, on every device that was tried
+  std::uint64_t uploaded_bytes = 0;  ///< of F, likewise
 };
 
 /// Makes a Scheduler of a device: places F, in whatever format, and throws what the Scheduler's constructor throws.

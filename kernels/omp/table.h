@@ -34,6 +34,10 @@ using Function = void (*)(const Launch&);
 void copy(const Launch& launch);
 void matvec(const Launch& launch);
 void read(const Launch& launch);
+void matvec_exact(const Launch& launch);
+void close_rows(const Launch& launch);
+
+void shadow_rays(const Launch& launch);
 
 void scale(const Launch& launch);
 void tiles16(const Launch& launch);

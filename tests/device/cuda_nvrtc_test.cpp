@@ -48,6 +48,8 @@ std::vector<Macros> variants(std::string_view file) {
   if (file == "matvec") {
     // One column, the three of light, a whole chunk, one more, many.
     for (const int columns : {1, 3, 6, 7, 24}) all.push_back({{"COLUMNS", columns}, {"ROWS", 8}});
+  } else if (file == "matvec_exact") {
+    for (const int columns : {1, 3, 7, 24}) all.push_back({{"COLUMNS", columns}});
   } else if (file == "tiles16") {
     for (const int columns : {1, 3, 4, 7, 24}) all.push_back({{"COLUMNS", columns}, {"STRIPS", 1}});
     for (const int strips : {2, 4, 8}) all.push_back({{"COLUMNS", 3}, {"STRIPS", strips}});
@@ -135,7 +137,8 @@ TEST_F(CudaNvrtc, CompilesEveryKernelWithoutSpilling) {
           EXPECT_LE(f.registers, 128) << "two work-groups of 256 threads must fit a multiprocessor";
           EXPECT_LE(f.shared_bytes, 48 << 10) << "more cannot be declared";
           EXPECT_EQ(f.spill_bytes, 0);
-          EXPECT_EQ(f.stack_bytes, 0);
+          // What a ray has still to visit: a word for each level of the hierarchy.
+          EXPECT_LE(f.stack_bytes, file == "shadow_rays" || f.kernel == "tile_rays" ? 80 : 0);
         }
       }
     }

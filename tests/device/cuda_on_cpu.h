@@ -115,6 +115,30 @@ template <class T>
 void __stcs(T* to, T value) {
   *to = value;
 }
+/// A product that no compiler folds into a sum.
+inline float __fmul_rn(float a, float b) {
+  volatile float product = a * b;
+  return product;
+}
+inline float __fsub_rn(float a, float b) {
+  return a - b;
+}
+inline float __uint_as_float(unsigned bits) {
+  float value = 0;
+  std::memcpy(&value, &bits, sizeof value);
+  return value;
+}
+inline unsigned __float_as_uint(float value) {
+  unsigned bits = 0;
+  std::memcpy(&bits, &value, sizeof bits);
+  return bits;
+}
+/// Threads are fibers of one thread.
+inline unsigned atomicAdd(unsigned* to, unsigned value) {
+  const unsigned before = *to;
+  *to += value;
+  return before;
+}
 inline void __syncthreads() {
   interflect::cuda_on_cpu::block_barrier();
 }

@@ -43,7 +43,7 @@ class Folder {
 
 TEST(KernelSource, EveryFileOfTheKernelFolderIsBuiltIn) {
   std::size_t files = 0;
-  for (const char* language : {"cl", "glsl", "cuda"}) {
+  for (const char* language : {"cl", "glsl", "cuda", "shared"}) {
     const fs::path folder = fs::path(INTERFLECT_SOURCE_DIR) / "kernels" / language;
     for (const auto& entry : fs::directory_iterator(folder)) {
       const std::string path = std::string(language) + "/" + entry.path().filename().string();
@@ -68,6 +68,19 @@ TEST(KernelSource, IncludesAreExpandedOnceAndLinesKeepTheirNames) {
             "#line 1 \"cl/main.cl\"\nfirst\n"
             "#line 1 \"cl/a.h\"\nof a\n#line 3 \"cl/main.cl\"\n"
             "#line 1 \"cl/b.h\"\n#line 2 \"cl/b.h\"\nof b\n#line 4 \"cl/main.cl\"\nlast\n");
+}
+
+TEST(KernelSource, AnIncludeMayNameAFileOfAnotherFolder) {
+  const Folder folder;
+  fs::create_directories(fs::path(folder.path()) / "shared");
+  folder.write("cl/main.cl", "#include \"../shared/a.h\"\n#include \"b.h\"\nlast\n");
+  folder.write("cl/b.h", "#include \"../shared/a.h\"\nof cl\n");
+  folder.write("shared/a.h", "#include \"b.h\"\nof a\n");
+  folder.write("shared/b.h", "of shared\n");
+  EXPECT_EQ(kernel_source("cl", "main.cl"),
+            "#line 1 \"cl/main.cl\"\n#line 1 \"shared/a.h\"\n#line 1 \"shared/b.h\"\nof shared\n"
+            "#line 2 \"shared/a.h\"\nof a\n#line 2 \"cl/main.cl\"\n"
+            "#line 1 \"cl/b.h\"\n#line 2 \"cl/b.h\"\nof cl\n#line 3 \"cl/main.cl\"\nlast\n");
 }
 
 TEST(KernelSource, AnIncludeOfItselfEnds) {

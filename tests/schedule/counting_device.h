@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -16,6 +17,8 @@ namespace interflect::test {
 /// What a CountingDevice has seen, and what it pretends to be.
 struct Counts {
   std::uint64_t allocations = 0, shares = 0, uploads = 0, downloads = 0, waits = 0;
+  std::uint64_t uploaded_bytes = 0, downloaded_bytes = 0, largest_transfer = 0;
+  std::string inner = "openmp";  ///< the device that does the work
   std::map<std::string, std::uint64_t> launches;  ///< by kernel
   std::vector<std::string> labels;                ///< every launch, in order
   std::vector<std::uint64_t> allocations_at_download;
@@ -25,11 +28,11 @@ struct Counts {
   std::function<void(const std::string& kernel)> before_launch;  ///< may throw
 };
 
-/// An OpenMP device that counts what is asked of it.
+/// A device, OpenMP's if no other is named, that counts what is asked of it.
 class CountingDevice final : public Device {
  public:
   explicit CountingDevice(std::shared_ptr<Counts> counts)
-      : counts_(std::move(counts)), inner_(open_device("openmp")), info_(inner_->info()), queue_(*this) {
+      : counts_(std::move(counts)), inner_(open_device(counts_->inner)), info_(inner_->info()), queue_(*this) {
     if (counts_->describe) counts_->describe(info_);
   }
 
@@ -54,10 +57,14 @@ class CountingDevice final : public Device {
     explicit CountingQueue(CountingDevice& device) : device_(device) {}
     void upload(Buffer& to, std::size_t offset, std::span<const std::byte> from) override {
       ++counts().uploads;
+      counts().uploaded_bytes += from.size();
+      counts().largest_transfer = std::max<std::uint64_t>(counts().largest_transfer, from.size());
       inner().upload(to, offset, from);
     }
     void download(const Buffer& from, std::size_t offset, std::span<std::byte> to) override {
       ++counts().downloads;
+      counts().downloaded_bytes += to.size();
+      counts().largest_transfer = std::max<std::uint64_t>(counts().largest_transfer, to.size());
       counts().allocations_at_download.push_back(counts().allocations);
       inner().download(from, offset, to);
     }

@@ -29,11 +29,12 @@ struct Fate {
   int live_buffers = 0, live_kernels = 0;
 };
 
-/// An OpenMP device, not sharing memory, that fails at its k-th allocation, kernel, launch, upload, download or wait.
+/// A device, OpenMP's if no other is given, not sharing memory, that fails at its k-th allocation, kernel, launch, upload, download or wait.
 class FailingDevice final : public Device {
  public:
-  explicit FailingDevice(std::shared_ptr<Fate> fate)
-      : fate_(std::move(fate)), inner_(open_device("openmp")), info_(inner_->info()), queue_(*this) {
+  /// `inner` may be shared by several, one after the other: opening one and compiling its kernels takes longest.
+  explicit FailingDevice(std::shared_ptr<Fate> fate, std::shared_ptr<Device> inner = open_device("openmp"))
+      : fate_(std::move(fate)), inner_(std::move(inner)), info_(inner_->info()), queue_(*this) {
     info_.id = "failing";
   }
 
@@ -109,7 +110,7 @@ class FailingDevice final : public Device {
   };
 
   std::shared_ptr<Fate> fate_;
-  std::unique_ptr<Device> inner_;
+  std::shared_ptr<Device> inner_;
   DeviceInfo info_;
   FailingQueue queue_;
 };

@@ -15,8 +15,15 @@ vk::Format texels_of(std::string_view kernel, std::size_t buffer) {
   if (kernel == "tiles16" || kernel == "sym16") {
     return buffer < 2 ? words : buffer == 2 || kernel == "sym16" ? fours : vk::Format::eUndefined;
   }
+  if (kernel.starts_with("tile_")) {
+    if (kernel == "tile_rays" && buffer == 5) return fours;
+    return buffer < 2 || (kernel == "tile_rays" && buffer == 4) ? words : vk::Format::eUndefined;
+  }
+  if (kernel == "shadow_rays" && buffer < 3) return buffer == 0 ? words : fours;
   const bool reads =
-      kernel == "matvec" ? buffer < 2 : (kernel == "read" || kernel == "copy" || kernel == "sym16_fold") && buffer == 0;
+      kernel == "matvec" || kernel == "matvec_exact"
+          ? buffer < 2
+          : (kernel == "read" || kernel == "copy" || kernel == "sym16_fold") && buffer == 0;
   return reads ? fours : vk::Format::eUndefined;
 }
 

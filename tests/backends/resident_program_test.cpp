@@ -1,0 +1,117 @@
+// --assembly of solve and formfactors: where F is assembled, what the report says of it, and that the light is the same.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "backends/devices.h"
+#include "cli/program.h"
+
+namespace interflect::test {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+struct SolveRun {
+  Outcome outcome;
+  json report;
+  std::vector<double> light;  ///< b_r of every patch
+};
+
+/// A solve of the Cornell box.
+SolveRun solve(const std::vector<std::string>& options) {
+  const Folder folder;
+  const std::string csv = folder.file("out.csv"), report = folder.file("out.json");
+  std::vector<std::string> arguments = {"solve",    scene_file("cornell-box.obj"), "--patches", "400", "-o", csv,
+                                        "--report", report};
+  arguments.insert(arguments.end(), options.begin(), options.end());
+  SolveRun run{run_program(arguments), {}, {}};
+  EXPECT_EQ(run.outcome.status, 0) << run.outcome.err;
+  if (run.outcome.status != 0) return run;
+  run.report = json::parse(content_of(report));
+  std::istringstream lines(content_of(csv));
+  std::string line;
+  for (std::getline(lines, line); std::getline(lines, line);) {
+    std::vector<std::string> cells;
+    std::istringstream row(line);
+    for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+    run.light.push_back(std::stod(cells.at(cells.size() - 4)));  // b_r, b_g, b_b, row_sum
+  }
+  return run;
+}
+
+double difference(const std::vector<double>& a, const std::vector<double>& b) {
+  EXPECT_EQ(a.size(), b.size());
+  double largest = 0, off = 0;
+  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
+    largest = std::max(largest, std::abs(b[i]));
+    off = std::max(off, std::abs(a[i] - b[i]));
+  }
+  return off / largest;
+}
+
+TEST(AssemblyOption, OnTheDeviceTheLightIsTheSameAndFStaysThere) {
+  const SolveRun host = solve({"--device", "openmp"});
+  EXPECT_EQ(host.report.at("assembly").at("device"), "host");
+  EXPECT_EQ(host.report.at("assembly").at("bytes_over_bus"), 0);
+  for (const char* id : {"opencl:0", "vulkan:0"}) {
+    if (!why_unavailable(id).empty()) continue;
+    const SolveRun there = solve({"--device", id, "--assembly", "device"});
+    EXPECT_EQ(there.report.at("assembly").at("device"), id);
+    EXPECT_EQ(there.report.at("assembly").at("bytes_over_bus"), 0);
+    EXPECT_EQ(there.report.at("devices"), json::array({id}));
+    EXPECT_LT(there.report.at("energy").at("balance_error"), 2e-6);
+    EXPECT_GT(there.report.at("storage").at("nonzero_fraction"), 0.1);
+    EXPECT_LT(difference(there.light, host.light), 1e-3);
+    EXPECT_THAT(there.outcome.out, HasSubstr(std::string(" s on ") + id));
+    // An emulated device is slower than Embree: by default the host assembles for it, and F goes over.
+    const SolveRun automatic = solve({"--device", id});
+    EXPECT_EQ(automatic.report.at("assembly").at("device"), "host");
+    EXPECT_LT(difference(automatic.light, host.light), 5e-6);
+  }
+}
+
+TEST(AssemblyOption, ASixteenBitFormatIsPackedOfWhatTheDeviceMade) {
+  if (!why_unavailable("opencl:0").empty()) GTEST_SKIP();
+  const SolveRun host = solve({"--device", "openmp"});
+  const SolveRun packed = solve({"--device", "opencl:0", "--assembly", "device", "--storage", "tiled16"});
+  EXPECT_EQ(packed.report.at("assembly").at("device"), "opencl:0");
+  EXPECT_GT(packed.report.at("assembly").at("bytes_over_bus"), 400 * 400 * 4);
+  EXPECT_EQ(packed.report.at("storage").at("format"), "tiled16");
+  EXPECT_LT(difference(packed.light, host.light), 1e-3);
+  EXPECT_THAT(packed.outcome.err, HasSubstr("the form factors came from opencl:0"));
+}
+
+TEST(AssemblyOption, OfFormfactorsMakesTheSameTable) {
+  if (!why_unavailable("opencl:0").empty()) GTEST_SKIP();
+  const auto table = [](const std::vector<std::string>& options) {
+    std::vector<std::string> arguments = {"formfactors", scene_file("cornell-box.obj"), "--patches", "400",
+                                          "--json"};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const Outcome outcome = run_program(arguments);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return json::parse(outcome.out);
+  };
+  const json host = table({"--between"}), there = table({"--between", "--device", "opencl:0", "--assembly", "device"});
+  ASSERT_EQ(host.at("groups"), there.at("groups"));
+  for (std::size_t a = 0; a < host.at("factors").size(); ++a) {
+    for (std::size_t b = 0; b < host.at("factors").size(); ++b) {
+      EXPECT_NEAR(there.at("factors")[a][b].get<double>(), host.at("factors")[a][b].get<double>(), 1e-3);
+    }
+  }
+  EXPECT_EQ(table({"--device", "opencl:0", "--assembly", "device"}).at("assembly").at("device"), "opencl:0");
+  EXPECT_EQ(table({"--device", "opencl:0"}).at("assembly").at("device"), "host");
+}
+
+TEST(AssemblyOption, AWrongOneIsAUsageError) {
+  const Outcome outcome = run_program({"solve", scene_file("cornell-box.obj"), "--assembly", "moon"});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("--assembly"));
+}
+
+}  // namespace
+}  // namespace interflect::test
