@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "assembler.h"
 #include "commands.h"
 #include "console.h"
 #include "interflect/base/error.h"
@@ -18,7 +19,6 @@
 #include "kept.h"
 #include "outputs.h"
 #include "pipeline.h"
-#include "place.h"
 #include "report.h"
 
 namespace interflect::cli {
@@ -28,9 +28,9 @@ namespace {
 struct Options {
   SceneOptions scene;
   std::vector<std::string> outputs;
-  bool repair = false;
   std::string device = "openmp";
   std::string assembly = "auto";
+  bool repair = false;
   bool between = false;
   bool json = false;
 };
@@ -41,7 +41,7 @@ struct Known {
   std::optional<FormFactors> computed;
   std::optional<IffFile> file;  ///< none: computed
   Kept kept;
-  AssemblyUse use;
+  AssemblyUse assembly;
   AssemblyReport report;
   Grouping grouping;
   double divide = 0;
@@ -138,15 +138,19 @@ Known from_file(const std::string& file, const SceneOptions& options) {
 }
 
 void take(Known& known, KeptFormFactors computed) {
-  known.computed = std::move(computed.factors);
-  known.report = known.computed->report;
+  known.report = computed.factors.report;
+  if (computed.panels != nullptr) {
+    known.file = IffFile::open(computed.kept.file);
+  } else {
+    known.computed = std::move(computed.factors);
+  }
   known.kept = std::move(computed.kept);
 }
 
-Known from_scene(const Options& options, ProgressSink& progress) {
+Known from_scene(const Options& options, Console& progress) {
   Candidates candidates(
       choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &progress);
-  const AssemblyPlace place = assembly_place(options.assembly);
+  Assembler assembler(candidates, assembly_place(options.assembly));
   const std::string file = file_of(options);
   std::error_code missing;
   const bool repairs = options.repair && std::filesystem::exists(file, missing);
@@ -166,20 +170,19 @@ Known from_scene(const Options& options, ProgressSink& progress) {
                       return assemble_by(candidates, place, loaded.mesh, assembly, use, progress);
                     }};
   if (repairs) {
-    take(known, repair(file, loaded, options.scene, maker, progress));
+    take(known, repair(file, loaded, options.scene, assembler, progress));
   } else if (file.empty()) {
-    take(known, {maker.assemble(assembly_options(options.scene)), {}});
-    report_warnings(known.report, loaded.scene.file, progress);
+    take(known, {assemble_in_memory(loaded, options.scene, "-o FILE.iff", assembler, progress), {}});
   } else if (!fits(file, loaded, options.scene, progress)) {
-    take(known, keep(file, loaded, options.scene, maker, progress));
+    take(known, keep(file, loaded, options.scene, assembler, progress));
   } else if (IffFile::open(file).closure() != assembly_options(options.scene).closure) {
     progress.message(fmt::format("{}: its panels are used, the closure is found anew", file));
-    take(known, close_again(file, loaded, options.scene, maker, progress));
+    take(known, close_again(file, loaded, options.scene, assembler, progress));
   } else {
     progress.message(fmt::format("{}: is there and fits: its form factors are used", file));
     known = from_file(file, options.scene);
   }
-  known.use = use;
+  known.assembly = assembler.use();
   known.grouping = loaded.grouping;
   known.divide = loaded.divide;
   known.loaded = std::move(loaded);
@@ -228,7 +231,7 @@ void print_report(const Options& options, const Known& known) {
     out["patches"] = known.area().size();
     out["divide"] = known.divide;
     out["seconds"] = report.seconds;
-    out["assembly"] = assembly_json(report, known.use);
+    out["assembly"] = assembly_json(report, known.assembly);
     out["nonzero_fraction"] = nonzero;
     out["closure"] = closure_json(report, [&](std::uint32_t i) { return known.object_of(i); });
     out["form_factors"] = kept_json(known.kept);
@@ -239,7 +242,7 @@ void print_report(const Options& options, const Known& known) {
   fmt::print("scene          {}: {} patches (--divide {:.6g})\n", options.scene.file, known.area().size(),
              known.divide);
   fmt::print("form factors   {:.2f} s on {}, {} facing pairs, {} by the contour form, {} rays\n", report.seconds,
-             known.use.device, report.pairs_considered, report.pairs_analytic, report.rays);
+             known.assembly.device, report.pairs_considered, report.pairs_analytic, report.rays);
   fmt::print("{}", kept_text(known.kept));
   fmt::print("{}", closure_text(report));
   if (error) fmt::print("sampling       row sums {:.1e} rms, {:.1e} at most\n", error->rms, error->max);
@@ -253,7 +256,7 @@ int run(const Options& options) {
   check(options);
   const bool alone = is_iff(options.scene.file);
   const Known known = alone ? from_file(options.scene.file, options.scene) : from_scene(options, console);
-  if (known.file) report_warnings(known.report, known.file->name(), console);
+  if (known.file && known.kept.done == "reused") report_warnings(known.report, known.file->name(), console);
   write_outputs(options, known);
   if (options.between) {
     print_between(options, known);
@@ -270,6 +273,9 @@ void add_formfactors(CLI::App& program, Action& action) {
   CLI::App& command = *program.add_subcommand("formfactors", "compute form factors, keep them, say how good they are");
   add_scene_options(command, options->scene,
                     "scene: .xml (rrv), .obj, .gltf or .glb; or a file of form factors (.iff)");
+  command.add_option("--device", options->device, "device id, several, or auto, as for solve; see --assembly")
+      ->capture_default_str();
+  add_assembly_option(command, options->assembly);
   command
       .add_option("-o,--output", options->outputs,
                   "output, by extension: .iff (kept: an interrupted run goes on, a finished one is reused), .npy, .mtx "
@@ -277,9 +283,6 @@ void add_formfactors(CLI::App& program, Action& action) {
       ->type_size(1)
       ->allow_extra_args(false);
   command.add_flag("--repair", options->repair, "compute again what is damaged in -o FILE.iff");
-  command.add_option("--device", options->device, "device id, several, or auto, as for solve; see --assembly")
-      ->capture_default_str();
-  add_assembly_option(command, options->assembly);
   command.add_flag("--between", options->between, "print the factors between groups (see --group-by)");
   command.add_flag("--json", options->json, "print JSON");
   command.callback([options, &action] { action = [options] { return run(*options); }; });

@@ -58,15 +58,36 @@ SceneOptions as_made(const SceneOptions& options, const iff::Shape& shape) {
   return out;
 }
 
+/// Puts the panels in the place of the matrix.
+void leave_in_file(KeptFormFactors& out, const std::string& file, std::uint64_t memory, ProgressSink& progress) {
+  out.panels = std::make_shared<IffPanels>(IffFile::open(file));
+  out.memory = memory;
+  constexpr double mebibyte = 1 << 20;
+  progress.message(
+      fmt::format("{}: {:.0f} MiB of form factors, {:.0f} MiB may be in memory: the rest is read from the "
+                  "file for every product",
+                  file, static_cast<double>(FormFactorMatrix::predicted_bytes(out.panels->size())) / mebibyte,
+                  static_cast<double>(memory) / mebibyte));
+}
+
 KeptFormFactors work_on(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                        const iff::Shape& shape, IffStore::Mode mode, const Maker& maker, ProgressSink& progress) {
+                        const iff::Shape& shape, IffStore::Mode mode, Assembler& assembler, ProgressSink& progress) {
   const PatientInterrupt patient;
   IffStore store(file, shape,
                  {mode, PatientInterrupt::asked, [&](const std::string& line) { progress.message(line); }});
   AssemblyOptions assembly = assembly_options(options);
   assembly.panels = &store;
-  KeptFormFactors out{maker.assemble(assembly), {}};
+  const std::optional<std::uint64_t> memory = memory_for_streaming(options, loaded.mesh.size());
+  KeptFormFactors out;
   AssemblyReport& report = out.factors.report;
+  assembler.run(assembly, [&](const AssemblyOptions& with_maker) -> AssemblyReport& {
+    if (memory) {
+      report = assemble_into(store, loaded.mesh, with_maker, *memory, &progress);
+    } else {
+      out.factors = assemble(loaded.mesh, with_maker, &progress);
+    }
+    return report;
+  });
   report_warnings(report, loaded.scene.file, progress);
   const char* done = report.panels_reused == 0 ? "computed" : "continued";
   if (mode == IffStore::Mode::repair) done = store.saved().empty() ? "nothing was damaged" : "repaired";
@@ -78,10 +99,33 @@ KeptFormFactors work_on(const std::string& file, const MeshedScene& loaded, cons
     throw Error(ErrorKind::interrupted, fmt::format("{} is complete, and serves the same command", file));
   }
   out.kept = kept_of(file, store.shape(), report.panels_reused, done);
+  if (memory) leave_in_file(out, file, *memory, progress);
   return out;
 }
 
 }  // namespace
+
+FormFactors assemble_in_memory(const MeshedScene& loaded, const SceneOptions& options, const std::string& how_to_keep,
+                               Assembler& assembler, ProgressSink& progress) {
+  const std::string hint =
+      fmt::format("; or keep them in a file, from where they are read for every product: {}", how_to_keep);
+  if (options.memory && memory_for_streaming(options, loaded.mesh.size())) {
+    constexpr double mebibyte = 1 << 20;
+    throw Error(
+        ErrorKind::limit,
+        fmt::format("the form factors of {} patches need {:.1f} MiB, and --memory allows {}{}", loaded.mesh.size(),
+                    static_cast<double>(FormFactorMatrix::predicted_bytes(loaded.mesh.size())) / mebibyte,
+                    *options.memory, hint));
+  }
+  try {
+    FormFactors factors = assembler.assemble(loaded.mesh, assembly_options(options), progress);
+    report_warnings(factors.report, loaded.scene.file, progress);
+    return factors;
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::limit) throw;
+    throw Error(ErrorKind::limit, error.what() + hint);
+  }
+}
 
 Kept kept_of(const std::string& file, const iff::Shape& shape, std::uint32_t reused, std::string done) {
   return {file, std::move(done), shape.panels(), reused, shape.key.eps, shape.key.seed, iff::hex(shape.key.geometry)};
@@ -102,28 +146,28 @@ bool fits(const std::string& file, const MeshedScene& loaded, const SceneOptions
 }
 
 KeptFormFactors keep(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                     const Maker& maker, ProgressSink& progress) {
-  return work_on(file, loaded, options, wanted_shape(loaded, options, maker.device), IffStore::Mode::make, maker,
-                 progress);
+                     Assembler& assembler, ProgressSink& progress) {
+  return work_on(file, loaded, options, wanted_shape(loaded, options), IffStore::Mode::make, assembler, progress);
 }
 
 KeptFormFactors repair(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                       const Maker& maker, ProgressSink& progress) {
-  return work_on(file, loaded, options, wanted_shape(loaded, options, maker.device), IffStore::Mode::repair, maker,
-                 progress);
+                       Assembler& assembler, ProgressSink& progress) {
+  return work_on(file, loaded, options, wanted_shape(loaded, options), IffStore::Mode::repair, assembler, progress);
 }
 
 KeptFormFactors close_again(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                            const Maker& maker, ProgressSink& progress) {
+                            Assembler& assembler, ProgressSink& progress) {
   const iff::Shape shape = IffFile::open(file).shape();
-  KeptFormFactors out = work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::repair, maker, progress);
+  KeptFormFactors out =
+      work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::repair, assembler, progress);
   out.kept.done = "closure found anew";
   return out;
 }
 
 KeptFormFactors form_factors_for_solve(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                                       const Maker& maker, ProgressSink& progress) {
-  if (!is_there(file)) return keep(file, loaded, options, maker, progress);
+                                       Assembler& assembler, ProgressSink& progress) {
+  if (file.empty()) return {assemble_in_memory(loaded, options, "--form-factors FILE.iff", assembler, progress), {}};
+  if (!is_there(file)) return keep(file, loaded, options, assembler, progress);
   const IffFile there = IffFile::open(file);
   const iff::Shape& shape = there.shape();
   // A divide that came from the file is not one that was asked for.
@@ -133,11 +177,18 @@ KeptFormFactors form_factors_for_solve(const std::string& file, const MeshedScen
   if (!why.empty()) throw input_error(file, 0, fmt::format("does not fit {}: {}", loaded.scene.file, why));
   if (there.closure() != assembly_options(options).closure) {
     progress.message(fmt::format("{}: its form factors are used, the closure is found anew", file));
-    return work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::read, maker, progress);
+    return work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::read, assembler, progress);
   }
   progress.message(fmt::format("{}: its form factors are used (accuracy {}, seed {})", file,
                                text_of({there.accuracy()}), there.seed()));
-  KeptFormFactors out{read_form_factors(there), kept_of(file, shape, there.panels(), "reused")};
+  KeptFormFactors out;
+  out.kept = kept_of(file, shape, there.panels(), "reused");
+  if (const std::optional<std::uint64_t> memory = memory_for_streaming(options, loaded.mesh.size())) {
+    out.factors.report = there.report();
+    leave_in_file(out, file, *memory, progress);
+  } else {
+    out.factors = read_form_factors(there);
+  }
   report_warnings(out.factors.report, file, progress);
   return out;
 }

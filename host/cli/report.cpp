@@ -69,9 +69,16 @@ ordered_json closure_json(const AssemblyReport& report, const std::function<std:
   return out;
 }
 
-ordered_json error_json(const std::optional<EstimatedError>& error) {
-  if (!error) return nullptr;
-  return {{"rms", error->rms}, {"max", error->max}};
+ordered_json assembly_json(const AssemblyReport& report, const AssemblyUse& use) {
+  return {{"device", use.device},
+          {"bytes_over_bus", use.bytes_over_bus},
+          {"pairs_considered", report.pairs_considered},
+          {"pairs_analytic", report.pairs_analytic},
+          {"rays", report.rays}};
+}
+
+ordered_json error_json(const EstimatedError& error) {
+  return {{"rms", error.rms}, {"max", error.max}};
 }
 
 ordered_json kept_json(const Kept& kept) {
@@ -84,14 +91,6 @@ std::string kept_text(const Kept& kept) {
   if (kept.file.empty()) return "";
   return fmt::format("kept           {}: {}, {} of {} panels from there, accuracy {}, seed {}\n", kept.file, kept.done,
                      kept.reused, kept.panels, text_of({kept.eps}), kept.seed);
-}
-
-ordered_json assembly_json(const AssemblyReport& report, const AssemblyUse& use) {
-  return {{"device", use.device},
-          {"bytes_over_bus", use.bytes_over_bus},
-          {"pairs_considered", report.pairs_considered},
-          {"pairs_analytic", report.pairs_analytic},
-          {"rays", report.rays}};
 }
 
 ordered_json to_json(const SolveSummary& summary) {
@@ -126,6 +125,14 @@ ordered_json to_json(const SolveSummary& summary) {
       {"rounding_error",
        storage.rounding_error ? nlohmann::ordered_json(*storage.rounding_error) : nlohmann::ordered_json(nullptr)},
       {"refused", storage.refused.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(storage.refused)}};
+  if (storage.streamed) {
+    const StreamUse& use = *storage.streamed;
+    out["storage"]["streamed"] = {{"panels", use.panels},
+                                  {"resident", use.resident},
+                                  {"bytes_read", use.bytes_read},
+                                  {"bytes_read_per_product", use.bytes_read / std::max<std::uint64_t>(1, use.passes)},
+                                  {"seconds_waiting", use.seconds_waiting}};
+  }
   out["seconds"] = {{"read", loaded.read_seconds},
                     {"mesh", loaded.mesh_seconds},
                     {"form_factors", assembled.seconds},
@@ -173,6 +180,14 @@ std::string rounding_text(const StorageUse& storage) {
          fmt::format(", its rounding moves a radiosity by at most {:.1e} of the largest", *storage.rounding_error);
 }
 
+std::string stream_text(const StorageUse& storage) {
+  if (!storage.streamed) return "";
+  const StreamUse& use = *storage.streamed;
+  const std::uint64_t each = use.bytes_read / std::max<std::uint64_t>(1, use.passes);
+  return fmt::format("streamed       {} of {} panels in memory, {:.1f} MiB read per product, {:.2f} s waiting for it\n",
+                     use.resident, use.panels, static_cast<double>(each) / (1 << 20), use.seconds_waiting);
+}
+
 std::string to_text(const SolveSummary& summary) {
   const MeshedScene& loaded = *summary.loaded;
   const SolveReport& report = summary.solved->report;
@@ -184,6 +199,7 @@ std::string to_text(const SolveSummary& summary) {
   out += kept_text(summary.kept);
   out += fmt::format("storage        {}, {:.1f} MiB{}\n", name(storage.format),
                      static_cast<double>(storage.bytes) / (1 << 20), rounding_text(storage));
+  out += stream_text(storage);
   out += closure_text(*summary.assembled);
   out += fmt::format("solve          {} on {}: {}, {} iterations, {} products, {:.3f} s\n", name(summary.method),
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,

@@ -34,6 +34,9 @@ struct SolveSummary {
 /// What packing took and its rounding costs, as the end of a line; nothing for dense32.
 [[nodiscard]] std::string rounding_text(const StorageUse& storage);
 
+/// How the panels that stayed in a file were read, a line; nothing where none did.
+[[nodiscard]] std::string stream_text(const StorageUse& storage);
+
 /// Row sums, closure, set-aside patches: the part of the report that `formfactors` prints as well.
 [[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded);
 /// Where and with how much work F was assembled.

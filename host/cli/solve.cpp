@@ -149,17 +149,20 @@ int run(const Options& options) {
   const MeshedScene loaded = load(as_kept, console);
   check_inputs_stay(options, loaded.scene);
   const Method method = method_of(options.method);
-  const PlacedSolve placed = assemble_and_solve(loaded, as_kept, options.form_factors, assembly_place(options.assembly),
-                                                candidates, storage_of(options.storage), method, options.stop, console);
+  Assembler assembler(candidates, assembly_place(options.assembly));
+  const PlacedSolve placed = options.form_factors.empty()
+                                 ? assemble_and_solve(loaded, options.scene, assembler, storage_of(options.storage),
+                                                      method, options.stop, console)
+                                 : solve_kept(options.form_factors, loaded, as_kept, assembler,
+                                              storage_of(options.storage), method, options.stop, console);
   const Solved& solved = placed.solved;
+  const AssemblyReport& assembled = placed.factors.report;
 
-  SolveSummary summary{&loaded, &placed.factors.report, &solved, method, options.stop, placed.energy, placed.assembly};
+  SolveSummary summary{&loaded, &assembled, &solved, method, options.stop, placed.energy, placed.assembly};
   summary.kept = placed.kept;
-  const std::vector<float>& variance = placed.factors.report.tile_variance;
-  if (!variance.empty()) {
-    summary.row_error = row_sum_error(variance, loaded.mesh.area);
-    summary.radiosity_error = radiosity_error(variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
-  }
+  summary.row_error = row_sum_error(assembled.tile_variance, loaded.mesh.area);
+  summary.radiosity_error =
+      radiosity_error(assembled.tile_variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
   const Timer writing;
   write_outputs(options, summary, console);
   summary.write_seconds = writing.seconds();

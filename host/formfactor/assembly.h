@@ -80,6 +80,16 @@ struct FormFactors {
 [[nodiscard]] FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options = {},
                                    ProgressSink* progress = nullptr);
 
+/// The bytes that assemble() takes for so many patches, on the threads that OpenMP has.
+[[nodiscard]] std::uint64_t assembly_memory(std::uint64_t patches);
+
+/// The same for a matrix that need not fit the memory: S lies in the store alone, d in the report's scaling (see
+/// StreamedMatrix). `memory` bytes are for rows of S; options.memory_limit is for everything. Panels and report are the
+/// same to the bit as with assemble() and that store; F is not made. Throws a limit Error where two panels of the store
+/// do not fit.
+[[nodiscard]] AssemblyReport assemble_into(PanelStore& panels, const PatchMesh& mesh, const AssemblyOptions& options,
+                                           std::uint64_t memory, ProgressSink* progress = nullptr);
+
 /// What follows once S is known, wherever it lies: judges whether the scene is closed, finds d, and reports. The caller
 /// makes F of S and d, and then calls note_change(). `report` has the facts of the tiles already.
 [[nodiscard]] Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& blockers,

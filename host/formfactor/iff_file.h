@@ -59,8 +59,9 @@ class IffFile {
   [[nodiscard]] AssemblyReport report() const;
 
   /// S of the panel's rows: rows(panel) * stride() floats, the padding 0. Throws an input Error "FILE: panel 3 (rows
-  /// 1536 to 2047): checksum differs; `--repair` computes it again".
-  void read_panel(std::uint32_t panel, std::span<float> rows) const;
+  /// 1536 to 2047): checksum differs; `--repair` computes it again". `verify`: false for one that was read before and
+  /// found sound.
+  void read_panel(std::uint32_t panel, std::span<float> rows, bool verify = true) const;
   /// The panel's facts, with its tiles' variances. Throws as read_panel().
   [[nodiscard]] TileFacts facts(std::uint32_t panel) const;
   /// The panels whose rows or facts are not what they were: reads the whole file.

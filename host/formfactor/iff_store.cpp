@@ -53,7 +53,9 @@ std::uint64_t iff_panel_target() {
 
 iff::Shape iff_shape(const PatchMesh& mesh, double divide, bool two_sided, double eps, std::uint64_t seed) {
   const auto n = static_cast<std::uint32_t>(mesh.size());
-  iff::Shape shape{n, iff::rows_of_panel(n, iff_panel_target()), divide, two_sided, {}};
+  // Some 16 panels of a small matrix, so that a part of it is something that can be in memory.
+  const std::uint64_t part = std::max<std::uint64_t>(FormFactorMatrix::predicted_bytes(n) / 16, std::uint64_t{1} << 20);
+  iff::Shape shape{n, iff::rows_of_panel(n, std::min(iff_panel_target(), part)), divide, two_sided, {}};
   shape.key.geometry = iff::geometry_hash(mesh);
   shape.key.eps = eps;
   shape.key.seed = seed;
@@ -227,6 +229,21 @@ bool IffStore::has(std::uint32_t panel) const {
   return false;
 }
 
+void IffStore::read_columns(std::uint32_t panel, std::uint32_t first, std::uint32_t columns,
+                            std::span<float> to) const {
+  wait();  // it may be the panel that is being written
+  // Whole rows lie one behind the other; of narrower ones each is read by itself.
+  const bool whole = columns == shape_.stride();
+  const std::uint32_t reads = whole ? 1 : shape_.rows(panel);
+  const std::size_t length = whole ? std::size_t{columns} * shape_.rows(panel) : columns;
+  for (std::uint32_t k = 0; k < reads; ++k) {
+    const std::uint64_t offset = shape_.panel_offset(panel) + k * shape_.row_bytes() + first * sizeof(float);
+    if (!read_at(file_, name_, offset, std::as_writable_bytes(to.subspan(k * length, length)))) {
+      throw input_error(name_, 0, fmt::format("ends within {}", iff::panel_name(shape_, panel)));
+    }
+  }
+}
+
 TileFacts IffStore::load(std::uint32_t panel, FormFactorMatrix& s) {
   if (held_ != panel && !read(panel)) {
     throw Error(ErrorKind::internal, fmt::format("{}: panel {} was asked for and is not there", name_, panel));
@@ -249,7 +266,7 @@ void IffStore::check_symmetry(std::uint32_t panel, const FormFactorMatrix& s) co
       const float* row = rows_.data() + std::size_t{k} * shape_.stride();
       const std::uint32_t j = shape_.first(panel) + k;
       for (std::uint32_t i = shape_.first(again); i < shape_.first(again) + shape_.rows(again); ++i) {
-        if (row[i] == s.row(i)[j]) continue;
+        if (row[i] == s.row(j)[i]) continue;  // the mirror image is there: `again` comes before `panel`
         throw input_error(name_, 0,
                           fmt::format("{} comes out otherwise than when the file was made (by another machine?): "
                                       "remove the file, and compute it anew",

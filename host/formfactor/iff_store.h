@@ -51,6 +51,8 @@ class IffStore final : public PanelStore {
 
   [[nodiscard]] std::uint32_t rows_per_panel() const override { return shape_.rows_per_panel; }
   [[nodiscard]] bool has(std::uint32_t panel) const override;
+  void read_columns(std::uint32_t panel, std::uint32_t first, std::uint32_t columns,
+                    std::span<float> to) const override;
   [[nodiscard]] TileFacts load(std::uint32_t panel, FormFactorMatrix& s) override;
   void prepare(std::uint32_t panel) override;
   void save(std::uint32_t panel, const FormFactorMatrix& s, const TileFacts& facts) override;
