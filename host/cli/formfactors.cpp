@@ -165,10 +165,6 @@ Known from_scene(const Options& options, Console& progress) {
     }
   }
   Known known;
-  AssemblyUse use;
-  const Maker maker{assembles(place, candidates.info()), [&](const AssemblyOptions& assembly) {
-                      return assemble_by(candidates, place, loaded.mesh, assembly, use, progress);
-                    }};
   if (repairs) {
     take(known, repair(file, loaded, options.scene, assembler, progress));
   } else if (file.empty()) {
@@ -223,8 +219,7 @@ void print_between(const Options& options, const Known& known) {
 void print_report(const Options& options, const Known& known) {
   const AssemblyReport& report = known.report;
   const double nonzero = nonzero_fraction(known);  // also reads all panels of a file, and so checks them
-  std::optional<EstimatedError> error;             // what made the tiles may not say
-  if (!report.tile_variance.empty()) error = row_sum_error(report.tile_variance, known.area());
+  const EstimatedError error = row_sum_error(report.tile_variance, known.area());
   if (options.json) {
     nlohmann::ordered_json out;
     out["scene"] = options.scene.file;
@@ -245,7 +240,7 @@ void print_report(const Options& options, const Known& known) {
              known.assembly.device, report.pairs_considered, report.pairs_analytic, report.rays);
   fmt::print("{}", kept_text(known.kept));
   fmt::print("{}", closure_text(report));
-  if (error) fmt::print("sampling       row sums {:.1e} rms, {:.1e} at most\n", error->rms, error->max);
+  fmt::print("sampling       row sums {:.1e} rms, {:.1e} at most\n", error.rms, error.max);
   for (const std::string& file : options.outputs) {
     if (!is_iff(file)) fmt::print("wrote          {}\n", file);
   }

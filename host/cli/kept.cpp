@@ -18,12 +18,9 @@ bool is_there(const std::string& file) {
   return !file.empty() && std::filesystem::exists(file, missing);
 }
 
-iff::Shape wanted_shape(const MeshedScene& loaded, const SceneOptions& options, bool device = false) {
+iff::Shape wanted_shape(const MeshedScene& loaded, const SceneOptions& options) {
   const AssemblyOptions assembly = assembly_options(options);
-  iff::Shape shape =
-      iff_shape(loaded.mesh, loaded.divide, options.two_sided, accuracy_asked(options).eps, assembly.seed);
-  shape.key.maker = device ? 1 : 0;
-  return shape;
+  return iff_shape(loaded.mesh, loaded.divide, options.two_sided, accuracy_asked(options).eps, assembly.seed);
 }
 
 /// Why the file cannot serve; empty when it can. Only an accuracy and a seed that were asked for count.
@@ -68,6 +65,13 @@ void leave_in_file(KeptFormFactors& out, const std::string& file, std::uint64_t 
                   "file for every product",
                   file, static_cast<double>(FormFactorMatrix::predicted_bytes(out.panels->size())) / mebibyte,
                   static_cast<double>(memory) / mebibyte));
+}
+
+/// The same, with who makes the panels: those of Embree and of the devices' kernels are not mixed.
+iff::Shape wanted_shape(const MeshedScene& loaded, const SceneOptions& options, Assembler& assembler) {
+  iff::Shape shape = wanted_shape(loaded, options);
+  shape.key.maker = assembles(assembler.place(), assembler.candidates().info()) ? iff::maker_device : iff::maker_embree;
+  return shape;
 }
 
 KeptFormFactors work_on(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
@@ -147,12 +151,14 @@ bool fits(const std::string& file, const MeshedScene& loaded, const SceneOptions
 
 KeptFormFactors keep(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                      Assembler& assembler, ProgressSink& progress) {
-  return work_on(file, loaded, options, wanted_shape(loaded, options), IffStore::Mode::make, assembler, progress);
+  return work_on(file, loaded, options, wanted_shape(loaded, options, assembler), IffStore::Mode::make, assembler,
+                 progress);
 }
 
 KeptFormFactors repair(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                        Assembler& assembler, ProgressSink& progress) {
-  return work_on(file, loaded, options, wanted_shape(loaded, options), IffStore::Mode::repair, assembler, progress);
+  return work_on(file, loaded, options, wanted_shape(loaded, options, assembler), IffStore::Mode::repair, assembler,
+                 progress);
 }
 
 KeptFormFactors close_again(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,

@@ -23,12 +23,6 @@ struct Kept {
 };
 [[nodiscard]] Kept kept_of(const std::string& file, const iff::Shape& shape, std::uint32_t reused, std::string done);
 
-/// Who computes panels that are not kept yet.
-struct Maker {
-  bool device = false;  ///< a device's kernels, else Embree
-  std::function<FormFactors(const AssemblyOptions& options)> assemble;
-};
-
 struct KeptFormFactors {
   FormFactors factors;  ///< no matrix where the panels stay in the file
   Kept kept;

@@ -18,7 +18,7 @@ struct PlacedSolve {
   AssemblyUse assembly;
   Kept kept = {};
 };
-/// Assembles F and solves. With the name of a file F is taken from there, or kept there, and lies on the host. In dense32 on a device that assembles, F stays there; a device that fails is followed by the
+/// Assembles F and solves. In dense32 on a device that assembles, F stays there; a device that fails is followed by the
 /// next candidate, which assembles F again in its own way and goes on from the last good iterate. A 16-bit format is
 /// packed on the host: S then comes down from the device that made it. Warnings go to the progress sink.
 [[nodiscard]] PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& options,

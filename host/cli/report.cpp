@@ -213,11 +213,9 @@ std::string to_text(const SolveSummary& summary) {
                        kernels.from_cache, kernels.seconds);
   }
   out += fmt::format("residual       {:.2e} (relative, per channel)\n", fmt::join(report.relative_residual, " "));
-  if (summary.row_error && summary.radiosity_error) {
-    out += fmt::format("sampling       row sums {:.1e} rms, {:.1e} at most; a radiosity {:.1e} rms, {:.1e} of the largest\n",
-                       summary.row_error->rms, summary.row_error->max, summary.radiosity_error->rms,
-                       summary.radiosity_error->max);
-  }
+  out += fmt::format(
+      "sampling       row sums {:.1e} rms, {:.1e} at most; a radiosity {:.1e} rms, {:.1e} of the largest\n",
+      summary.row_error.rms, summary.row_error.max, summary.radiosity_error.rms, summary.radiosity_error.max);
   out += fmt::format("energy         emitted {:.6g}, absorbed {:.6g}, escaped {:.6g}, balance error {:.1e}\n",
                      sum(summary.energy.emitted), sum(summary.energy.absorbed), sum(summary.energy.escaped),
                      summary.energy.balance_error());

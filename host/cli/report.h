@@ -23,7 +23,7 @@ struct SolveSummary {
   AssemblyUse assembly;
   double write_seconds = 0, total_seconds = 0;
   Kept kept = {};
-  std::optional<EstimatedError> row_error = {}, radiosity_error = {};  ///< none: the maker of the tiles did not say
+  EstimatedError row_error = {}, radiosity_error = {};
 };
 
 /// The JSON report: the fields that DESIGN's section on the command line fixes, and more beside them.
@@ -49,7 +49,7 @@ struct SolveSummary {
 /// Where the form factors are kept and what was done; null without a file. As text: a line, or nothing.
 [[nodiscard]] nlohmann::ordered_json kept_json(const Kept& kept);
 [[nodiscard]] std::string kept_text(const Kept& kept);
-[[nodiscard]] nlohmann::ordered_json error_json(const std::optional<EstimatedError>& error);
+[[nodiscard]] nlohmann::ordered_json error_json(const EstimatedError& error);
 
 /// A device's reason may hold a compiler's log: its first line.
 [[nodiscard]] std::string_view first_line(std::string_view text);
