@@ -67,6 +67,13 @@ void leave_in_file(KeptFormFactors& out, const std::string& file, std::uint64_t 
                   static_cast<double>(memory) / mebibyte));
 }
 
+/// The same, with who makes the panels: those of Embree and of the devices' kernels are not mixed.
+iff::Shape wanted_shape(const MeshedScene& loaded, const SceneOptions& options, Assembler& assembler) {
+  iff::Shape shape = wanted_shape(loaded, options);
+  shape.key.maker = assembles(assembler.place(), assembler.candidates().info()) ? iff::maker_device : iff::maker_embree;
+  return shape;
+}
+
 KeptFormFactors work_on(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                         const iff::Shape& shape, IffStore::Mode mode, Assembler& assembler, ProgressSink& progress) {
   const PatientInterrupt patient;
@@ -91,9 +98,9 @@ KeptFormFactors work_on(const std::string& file, const MeshedScene& loaded, cons
   if (mode == IffStore::Mode::read) done = "closure found anew";
   if (mode != IffStore::Mode::read) {
     store.finish(iff_closing(loaded.mesh, loaded.scene.materials, assembly.closure, report));
-    if (PatientInterrupt::asked()) {
-      throw Error(ErrorKind::interrupted, fmt::format("{} is complete, and serves the same command", file));
-    }
+  }
+  if (PatientInterrupt::asked()) {
+    throw Error(ErrorKind::interrupted, fmt::format("{} is complete, and serves the same command", file));
   }
   out.kept = kept_of(file, store.shape(), report.panels_reused, done);
   if (memory) leave_in_file(out, file, *memory, progress);
@@ -144,12 +151,14 @@ bool fits(const std::string& file, const MeshedScene& loaded, const SceneOptions
 
 KeptFormFactors keep(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                      Assembler& assembler, ProgressSink& progress) {
-  return work_on(file, loaded, options, wanted_shape(loaded, options), IffStore::Mode::make, assembler, progress);
+  return work_on(file, loaded, options, wanted_shape(loaded, options, assembler), IffStore::Mode::make, assembler,
+                 progress);
 }
 
 KeptFormFactors repair(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                        Assembler& assembler, ProgressSink& progress) {
-  return work_on(file, loaded, options, wanted_shape(loaded, options), IffStore::Mode::repair, assembler, progress);
+  return work_on(file, loaded, options, wanted_shape(loaded, options, assembler), IffStore::Mode::repair, assembler,
+                 progress);
 }
 
 KeptFormFactors close_again(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,

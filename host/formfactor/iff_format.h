@@ -26,13 +26,15 @@ inline constexpr std::uint32_t most_patches = 1U << 30;
 /// The version of the arithmetic behind S: raised when the same geometry, accuracy and seed give other bits.
 inline constexpr std::uint32_t algorithm = 1;
 
+inline constexpr std::uint32_t maker_embree = 0, maker_device = 1;
+
 /// What S depends on. Two files of equal keys, of the same machine, have the same panels to the bit.
 struct Key {
   std::array<std::uint64_t, 2> geometry{};  ///< geometry_hash()
   double eps = 0;                           ///< Accuracy::eps
   std::uint64_t seed = 0;
   std::uint32_t algorithm = iff::algorithm;
-  std::uint32_t maker = 0;  ///< who made the tiles: 0 Embree; 1 the devices' kernels
+  std::uint32_t maker = maker_embree;  ///< who made the tiles: Embree or the devices' kernels
   friend bool operator==(const Key&, const Key&) = default;
 };
 

@@ -67,7 +67,10 @@ std::string difference(const iff::Key& has, const iff::Key& wanted) {
   if (has.eps != wanted.eps) return fmt::format("its accuracy is {}, {} is asked", has.eps, wanted.eps);
   if (has.seed != wanted.seed) return fmt::format("its seed is {}, {} is asked", has.seed, wanted.seed);
   if (has.algorithm != wanted.algorithm) return "another version of the program began it";
-  if (has.maker != wanted.maker) return "another kind of device made it";
+  if (has.maker != wanted.maker) {
+    return has.maker == iff::maker_embree ? "the CPU path made it (--assembly host)"
+                                          : "a device's kernels made it (--assembly device)";
+  }
   return "";
 }
 
