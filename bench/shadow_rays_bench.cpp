@@ -44,6 +44,12 @@ struct Room {
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
+/// A point of a triangle, from two words.
+Vec3 on_triangle(const std::array<Vec3, 3>& t, sampling::Square s) {
+  const sampling::Inside at = sampling::in_triangle(sampling::unit(s.u), sampling::unit(s.v));
+  return t[0] + static_cast<double>(at.u) * (t[1] - t[0]) + static_cast<double>(at.v) * (t[2] - t[0]);
+}
+
 /// Rays of random tiles.
 std::vector<Ray> rays_of(const Room& room, std::size_t count) {
   constexpr std::size_t block = PatchTable::block;
@@ -55,10 +61,12 @@ std::vector<Ray> rays_of(const Room& room, std::size_t count) {
     const std::size_t rows = random % p.blocks(), columns = (random >> 32) % p.blocks();
     for (std::size_t i = rows * block; i < std::min(p.size, (rows + 1) * block); ++i) {
       for (std::size_t j = columns * block; j < std::min(p.size, (columns + 1) * block); ++j) {
-        const auto from = sampling::rotated(sampling::hash(2, i), static_cast<std::uint32_t>(j));
-        const auto to = sampling::rotated(sampling::hash(3, j), static_cast<std::uint32_t>(i));
-        const Vec3 x = sampling::on_triangle(p.triangle(i), from) + lift * p.front(i);
-        const Vec3 d = sampling::on_triangle(p.triangle(j), to) + lift * p.front(j) - x;
+        const auto from =
+            sampling::start(sampling::word(2, static_cast<std::uint32_t>(i)), static_cast<std::uint32_t>(j));
+        const auto to =
+            sampling::start(sampling::word(3, static_cast<std::uint32_t>(j)), static_cast<std::uint32_t>(i));
+        const Vec3 x = on_triangle(p.triangle(i), from) + lift * p.front(i);
+        const Vec3 d = on_triangle(p.triangle(j), to) + lift * p.front(j) - x;
         if (j <= i || dot(d, p.front(i)) <= 0 || dot(d, p.front(j)) >= 0) continue;
         rays.push_back({{static_cast<float>(x.x), static_cast<float>(x.y), static_cast<float>(x.z)},
                         0,

@@ -11,6 +11,7 @@
 #include "interflect/formfactor/certificate.h"
 #include "interflect/formfactor/closure.h"
 #include "interflect/formfactor/form_factor_matrix.h"
+#include "interflect/formfactor/form_factor_rows.h"
 #include "interflect/formfactor/pair_tile.h"
 #include "interflect/formfactor/panel_store.h"
 #include "interflect/formfactor/tile_maker.h"
@@ -81,6 +82,16 @@ struct FormFactors {
 [[nodiscard]] FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options = {},
                                    ProgressSink* progress = nullptr);
 
+/// The bytes that assemble() takes for so many patches, on the threads that OpenMP has.
+[[nodiscard]] std::uint64_t assembly_memory(std::uint64_t patches);
+
+/// The same for a matrix that need not fit the memory: S lies in the store alone, d in the report's scaling (see
+/// StreamedMatrix). `memory` bytes are for rows of S; options.memory_limit is for everything. Panels and report are the
+/// same to the bit as with assemble() and that store; F is not made. Throws a limit Error where two panels of the store
+/// do not fit.
+[[nodiscard]] AssemblyReport assemble_into(PanelStore& panels, const PatchMesh& mesh, const AssemblyOptions& options,
+                                           std::uint64_t memory, ProgressSink* progress = nullptr);
+
 /// What follows once S is known, wherever it lies: judges whether the scene is closed, finds d, and reports. The caller
 /// makes F of S and d, and then calls note_change(). `report` has the facts of the tiles already.
 [[nodiscard]] Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& blockers,
@@ -97,6 +108,8 @@ struct GroupFactors {
   std::vector<double> sky;                 ///< per group: what goes to no patch at all, 1 − Σ_j F_ij, at least 0
   std::vector<std::string> left_out = {};  ///< the groups of obstructions
 };
+[[nodiscard]] GroupFactors between(const FormFactorRows& f, const std::vector<double>& area,
+                                   const std::vector<std::uint32_t>& surface, const Grouping& grouping);
 [[nodiscard]] GroupFactors between(const FormFactorMatrix& f, const PatchMesh& mesh, const Grouping& grouping);
 
 }  // namespace interflect

@@ -11,8 +11,6 @@ using simd::PairKind;
 
 namespace {
 
-constexpr std::size_t block = PairTile::block;
-
 // Rays, by their weights, from which the pair's own spread is used: below, it has none.
 constexpr float own_spread_from = 1.5F;
 

@@ -14,8 +14,6 @@ using simd::PairKind;
 
 namespace {
 
-constexpr std::size_t block = PairTile::block, pairs = block * block;
-
 /// The fan's triangles, each cut at its edge midpoints into four.
 std::vector<std::array<Vec3, 3>> quarters(const Polygon& polygon) {
   std::vector<std::array<Vec3, 3>> out;

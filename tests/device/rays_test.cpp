@@ -77,11 +77,13 @@ class Walk {
 
  public:
   std::vector<int> node_visits;
-  explicit Walk(const Hierarchy& hierarchy) : hierarchy_(hierarchy) , node_visits(hierarchy.node_count()) { visit(0, 1); }
+  explicit Walk(const Hierarchy& hierarchy) : hierarchy_(hierarchy), node_visits(hierarchy.node_count()) {
+    visit(0, 1);
+  }
   std::uint32_t levels = 0;
   std::vector<std::array<float, 9>> triangles;  ///< with an extent
   std::size_t outside = 0;                      ///< vertices out of the box that leads to them
-  
+
  private:
   void visit(std::uint32_t node, std::uint32_t level) {
     levels = std::max(levels, level);
@@ -116,7 +118,8 @@ class Walk {
       if (t[0] == t[3] && t[0] == t[6] && t[1] == t[4] && t[1] == t[7] && t[2] == t[5] && t[2] == t[8]) continue;
       triangles.push_back(t);
       for (std::size_t c = 0; c < 3; ++c) {
-        const Vec3 p{static_cast<double>(t[3 * c]), static_cast<double>(t[3 * c + 1]), static_cast<double>(t[3 * c + 2])};
+        const Vec3 p{static_cast<double>(t[3 * c]), static_cast<double>(t[3 * c + 1]),
+                     static_cast<double>(t[3 * c + 2])};
         for (int axis = 0; axis < 3; ++axis) outside += p[axis] < box.low[axis] || p[axis] > box.high[axis] ? 1 : 0;
       }
     }
@@ -248,7 +251,8 @@ TEST(ShadowRaysTwins, ABoxThatIsTooSmallIsSeen) {
 TEST(ShadowRaysTwins, ASkippedTriangleIsSeen) {
   EXPECT_GT(failures([](test::Launched& call) {
               auto buffers = call.buffers;
-              for (std::size_t c = 3; c < 9; ++c) buffers[1][4 * c] = buffers[1][4 * (c % 3)];  // the first becomes a point
+              for (std::size_t c = 3; c < 9; ++c)
+                buffers[1][4 * c] = buffers[1][4 * (c % 3)];  // the first becomes a point
               run_real(call, buffers);
             }),
             0U);
@@ -289,7 +293,8 @@ TEST_P(BrokenRays, FailTheCheck) {
   test::CudaOnCpu device(GetParam());
   std::vector<KernelCheck> rows;
   check::check_rays(device, rows, {.max_size = 300});
-  EXPECT_TRUE(std::any_of(rows.begin(), rows.end(), [](const KernelCheck& r) { return r.status == CheckStatus::fail; }));
+  EXPECT_TRUE(
+      std::any_of(rows.begin(), rows.end(), [](const KernelCheck& r) { return r.status == CheckStatus::fail; }));
 }
 
 }  // namespace

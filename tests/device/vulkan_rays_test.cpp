@@ -50,10 +50,11 @@ TEST_P(VulkanRays, BrokenOnesFail) {
   struct Defect {
     const char *from, *to, *from_of_packets = nullptr, *to_of_packets = nullptr;
   };
-  for (const Defect d : {Defect{"bytes_of(up_x ? high.x : low.x) * step_x", "bytes_of(up_x ? high.x : low.x) * 0.9f * step_x",
-                                "y - wy), larger(z - wz", "y), larger(z - wz"},
-                         Defect{"area * r.far - along", "area * 100.0f - along"},
-                         Defect{"az.w, bx.w, by.w, bz.w, cx.w, cy.w, cz.w)", "az.x, bx.x, by.x, bz.x, cx.x, cy.x, cz.x)"}}) {
+  for (const Defect d :
+       {Defect{"bytes_of(up_x ? high.x : low.x) * step_x", "bytes_of(up_x ? high.x : low.x) * 0.9f * step_x",
+               "y - wy), larger(z - wz", "y), larger(z - wz"},
+        Defect{"area * r.far - along", "area * 100.0f - along"},
+        Defect{"az.w, bx.w, by.w, bz.w, cx.w, cy.w, cz.w)", "az.x, bx.x, by.x, bz.x, cx.x, cy.x, cz.x)"}}) {
     test::KernelFolder folder;
     folder.replace("shared/occluded.h", d.from, d.to);
     if (d.from_of_packets != nullptr) folder.replace("shared/occluded.h", d.from_of_packets, d.to_of_packets);

@@ -24,13 +24,20 @@ namespace {
 using Ray = Visibility::Ray;
 
 struct Room {
-  Room() : mesh(subdivide(read_scene(std::string(INTERFLECT_SOURCE_DIR) + "/scenes/room-1312.obj"), {})), patches(mesh) {
+  Room()
+      : mesh(subdivide(read_scene(std::string(INTERFLECT_SOURCE_DIR) + "/scenes/room-1312.obj"), {})), patches(mesh) {
     for (const Vec3 p : mesh.vertices) vertices.push_back(p - patches.centre);
   }
   PatchMesh mesh;
   PatchTable patches;
   std::vector<Vec3> vertices;
 };
+
+/// A point of a triangle, from two words.
+Vec3 on_triangle(const std::array<Vec3, 3>& t, sampling::Square s) {
+  const sampling::Inside at = sampling::in_triangle(sampling::unit(s.u), sampling::unit(s.v));
+  return t[0] + static_cast<double>(at.u) * (t[1] - t[0]) + static_cast<double>(at.v) * (t[2] - t[0]);
+}
 
 /// From a point in front of one patch towards a point on another: inside it or, with `edges`, on one of its edges.
 std::vector<Ray> rays_of(const PatchTable& p, std::size_t count, bool edges) {
@@ -39,10 +46,11 @@ std::vector<Ray> rays_of(const PatchTable& p, std::size_t count, bool edges) {
   for (std::uint64_t k = 0; rays.size() < count; ++k) {
     const std::uint64_t pair = sampling::hash(1, k);
     const std::size_t i = static_cast<std::uint32_t>(pair) % p.size, j = (pair >> 32) % p.size;
-    const auto at = sampling::rotated(sampling::hash(2, k), 0), to = sampling::rotated(sampling::hash(3, k), 0);
+    const auto at = sampling::word(2, static_cast<std::uint32_t>(k)),
+               to = sampling::word(3, static_cast<std::uint32_t>(k));
     const auto t = p.triangle(j);
-    const Vec3 target = edges ? t[0] + to.u / 4294967296.0 * (t[1] - t[0]) : sampling::on_triangle(t, to);
-    const Vec3 x = sampling::on_triangle(p.triangle(i), at) + lift * p.front(i);
+    const Vec3 target = edges ? t[0] + to.u / 4294967296.0 * (t[1] - t[0]) : on_triangle(t, to);
+    const Vec3 x = on_triangle(p.triangle(i), at) + lift * p.front(i);
     const Vec3 d = target + lift * p.front(j) - x;
     if (!(dot(d, p.front(i)) > 0 && dot(d, p.front(j)) < 0)) continue;
     const auto f = [](double v) { return static_cast<float>(v); };
@@ -70,8 +78,8 @@ std::vector<bool> by_kernel(const Room& room, const std::vector<Ray>& rays) {
              from = filled(std::as_bytes(std::span(rays))), to = device->allocate(rays.size() * sizeof(std::uint32_t));
   const ShadowRayArguments a{static_cast<std::uint32_t>(rays.size()), hierarchy.node_count(), hierarchy.leaf_count()};
   Buffer* const buffers[] = {nodes.get(), leaves.get(), from.get(), to.get()};
-  device->queue().launch(*device->kernel("shadow_rays", {}), (a.rays + rays_for_a_group - 1) / rays_for_a_group, buffers,
-                         std::as_bytes(std::span(&a, 1)), "Test");
+  device->queue().launch(*device->kernel("shadow_rays", {}), (a.rays + rays_for_a_group - 1) / rays_for_a_group,
+                         buffers, std::as_bytes(std::span(&a, 1)), "Test");
   std::vector<std::uint32_t> hidden(rays.size());
   device->queue().download(*to, 0, std::as_writable_bytes(std::span(hidden)));
   return std::vector<bool>(hidden.begin(), hidden.end());
@@ -100,8 +108,8 @@ TEST(HierarchyBesideEmbree, OnlyRaysThatGrazeAnEdgeDiffer) {
   EXPECT_GT(differing(embree, by_kernel(room, shorter)), 500U);
 }
 
-/// Rays aimed at the edges of patches, and past them: nearly all go through two triangles' common edge, which neither may
-/// let slip.
+/// Rays aimed at the edges of patches, and past them: nearly all go through two triangles' common edge, which neither
+/// may let slip.
 TEST(HierarchyBesideEmbree, RaysThroughEdgesDifferByFewAndLeaveNoRoom) {
   const Room room;
   const std::vector<Ray> rays = rays_of(room.patches, count, true);
