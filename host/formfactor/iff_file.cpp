@@ -199,7 +199,8 @@ FormFactorRows rows_of(const IffFile& file) {
 Grouping group_surfaces(const IffFile& file, GroupBy by) {
   Scene names;  // what group_surfaces() looks at, and no more
   for (const SurfaceNames& surface : file.closing().surfaces) {
-    names.surfaces.push_back({surface.object, surface.group, static_cast<std::uint32_t>(names.materials.size())});
+    names.surfaces.push_back({surface.object, surface.group, static_cast<std::uint32_t>(names.materials.size()),
+                              surface.material == obstruction_material});
     names.materials.emplace_back().name = surface.material;
   }
   return group_surfaces(names, by);

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "interflect/base/vec3.h"
@@ -26,6 +27,9 @@ struct Image {
   std::uint32_t width = 0, height = 0;
   std::vector<float> pixels;  ///< 3 * width * height
 };
+
+/// The material of what is only in the way, by which a file of form factors knows it again (Surface::obstruction).
+inline constexpr std::string_view obstruction_material = "(obstruction)";
 
 /// What a file says of where a triangle belongs. Names are as in the file and may be empty.
 struct Surface {

@@ -146,7 +146,7 @@ std::uint32_t Builder::material(const Look& look) {
     m.reflectance.fill(1 - look.emittance);
     m.emittance.fill(look.emittance);
   } else {
-    m.name = "obstruction";
+    m.name = obstruction_material;
     m.two_sided = look.kind == Look::Kind::obstruction;  // what ends on its back must not be missing from the row sums
   }
   scene_.materials.push_back(std::move(m));
