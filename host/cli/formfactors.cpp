@@ -81,8 +81,9 @@ int run(const Options& options) {
     return 0;
   }
   fmt::print("scene          {}: {} patches (--divide {:.6g})\n", loaded.scene.file, loaded.mesh.size(), loaded.divide);
-  fmt::print("form factors   {:.2f} s on {}, {} facing pairs, {} by the contour form, {} rays\n", factors.report.seconds, place.device,
-             factors.report.pairs_considered, factors.report.pairs_analytic, factors.report.rays);
+  fmt::print("form factors   {:.2f} s on {}, {} facing pairs, {} by the contour form, {} rays\n",
+             factors.report.seconds, place.device, factors.report.pairs_considered, factors.report.pairs_analytic,
+             factors.report.rays);
   fmt::print("{}", closure_text(factors.report));
   return 0;
 }

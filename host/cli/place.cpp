@@ -16,9 +16,10 @@ namespace interflect::cli {
 
 void add_assembly_option(CLI::App& command, std::string& text) {
   command
-      .add_option("--assembly", text,
-                  "where the form factors are computed: host; device (OpenMP's is the host); auto: on a GPU, else on the "
-                  "host")
+      .add_option(
+          "--assembly", text,
+          "where the form factors are computed: host; device (OpenMP's is the host); auto: on a GPU, else on the "
+          "host")
       ->check(CLI::IsMember({"auto", "host", "device"}))
       ->capture_default_str();
 }
@@ -69,8 +70,7 @@ constexpr std::uint32_t channels = 3;
 /// Whether F is assembled on this device and stays there.
 bool resides(AssemblyPlace place, const DeviceInfo& device, std::uint32_t n) {
   // What has no room is an Error where the device was asked for.
-  return assembles(place, device) &&
-         (place == AssemblyPlace::device || choose_storage(n, device) == Storage::dense32);
+  return assembles(place, device) && (place == AssemblyPlace::device || choose_storage(n, device) == Storage::dense32);
 }
 
 /// Places F on one device after the other, where each assembles it or, once for all, the host has.
@@ -155,8 +155,9 @@ PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& op
   const auto n = static_cast<std::uint32_t>(mesh.size());
   const AssemblyOptions assembly = assembly_options(options);
   // Asked for the device, `auto` does not turn to a smaller format: that would be packed on the host.
-  const bool dense = storage ? *storage == Storage::dense32
-                             : place == AssemblyPlace::device || choose_storage(n, candidates.info()) == Storage::dense32;
+  const bool dense = storage
+                         ? *storage == Storage::dense32
+                         : place == AssemblyPlace::device || choose_storage(n, candidates.info()) == Storage::dense32;
   if (dense && resides(place, candidates.info(), n)) {
     solve_where_assembled(loaded, assembly, place, candidates, method, stop, progress, out);
     return out;

@@ -31,9 +31,9 @@ struct AssemblyUse {
 /// The assembly's warnings, to the progress sink.
 void say(const AssemblyReport& report, const Scene& scene, ProgressSink& progress);
 
-/// F on the host, its tiles by the first candidate where that assembles, else by Embree. When that device fails, the next
-/// candidate makes them, and all of them anew (but panels that options.panels has). Throws what assemble() throws, and the
-/// last candidate's Error.
+/// F on the host, its tiles by the first candidate where that assembles, else by Embree. When that device fails, the
+/// next candidate makes them, and all of them anew (but panels that options.panels has). Throws what assemble() throws,
+/// and the last candidate's Error.
 [[nodiscard]] FormFactors assemble_by(Candidates& candidates, AssemblyPlace place, const PatchMesh& mesh,
                                       AssemblyOptions options, AssemblyUse& use, ProgressSink& progress);
 

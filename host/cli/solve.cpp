@@ -166,8 +166,7 @@ int run(const Options& options) {
                                                 storage_of(options.storage), method, options.stop, console);
   const Solved& solved = placed.solved;
 
-  SolveSummary summary{&loaded, &placed.factors.report, &solved, method, options.stop, placed.energy,
-                       placed.assembly};
+  SolveSummary summary{&loaded, &placed.factors.report, &solved, method, options.stop, placed.energy, placed.assembly};
   const Timer writing;
   write_outputs(options, summary, console);
   summary.write_seconds = writing.seconds();

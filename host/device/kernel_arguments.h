@@ -21,8 +21,8 @@ struct MatvecArguments {
 
 /// Rows of a panel for one work-group of matvec_exact and close_rows, which take MatvecArguments as well.
 ///   matvec_exact: y as hi + lo; hi as y of matvec, lo COLUMNS * vector_stride floats behind it.
-///   close_rows: f[r, j] *= factor[first + r] * d[j] in place; of the row, at of_rows[k * vector_stride + first + r]: k = 0,
-///   1 the least and largest d[j] with f[r, j] != 0, k = 2 how many there are. Buffers: f, d, factor, of_rows.
+///   close_rows: f[r, j] *= factor[first + r] * d[j] in place; of the row, at of_rows[k * vector_stride + first + r]: k
+///   = 0, 1 the least and largest d[j] with f[r, j] != 0, k = 2 how many there are. Buffers: f, d, factor, of_rows.
 inline constexpr std::uint32_t panel_group = 4;
 
 // The 16-bit formats. Elements are fp16 (halves); x comes scaled, from the kernel `scale`, with zeros behind its n
@@ -104,17 +104,17 @@ struct ShadowRayArguments {
   std::uint32_t leaves = 0;  ///< of the hierarchy, at least 1
 };
 
-/// The assembly of S by tiles (tile_kinds ... tile_store): one block for all its kernels. Buffers: patches, tiles, work,
-/// extra, and for tile_rays a hierarchy's nodes and leaves (hierarchy.h), for tile_store a panel.
+/// The assembly of S by tiles (tile_kinds ... tile_store): one block for all its kernels. Buffers: patches, tiles,
+/// work, extra, and for tile_rays a hierarchy's nodes and leaves (hierarchy.h), for tile_store a panel.
 struct AssemblyArguments {
-  std::uint32_t n = 0;               ///< patches; the table is padded to whole blocks of 32
-  std::uint32_t tiles = 0;           ///< in the batch
-  std::uint32_t first = 0;           ///< the launch does items [first, first + items)
+  std::uint32_t n = 0;      ///< patches; the table is padded to whole blocks of 32
+  std::uint32_t tiles = 0;  ///< in the batch
+  std::uint32_t first = 0;  ///< the launch does items [first, first + items)
   std::uint32_t items = 0;
   /// tile_special: the list. tile_rays: 0 the pilot's first chunks, 1 the list. tile_shares: 0 pilot, 1 all rays.
   std::uint32_t option = 0;
-  std::uint32_t chunks = 0;  ///< that `extra` has room for
-  std::uint32_t cuts = 0;    ///< likewise
+  std::uint32_t chunks = 0;                         ///< that `extra` has room for
+  std::uint32_t cuts = 0;                           ///< likewise
   float pilot_per_factor = 0, rays_per_factor = 0;  ///< from here on RayBudget
   std::uint32_t most_in_pilot = 0, fewest = 0, most = 0;
   float split_from = 0, three2 = 0, six2 = 0;  ///< the ratios squared
