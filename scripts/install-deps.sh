@@ -8,7 +8,7 @@ packages=(
   build-essential cmake ninja-build pkg-config git ca-certificates
   # libraries that the program uses
   libembree-dev libtbb-dev libtinygltf-dev libtinyobjloader-dev libpugixml-dev libcli11-dev nlohmann-json3-dev
-  libfmt-dev libhwy-dev libopenexr-dev libpng-dev
+  libfmt-dev libhwy-dev libopenexr-dev libpng-dev libxxhash-dev
   # loaders and compilers of the GPU backends (CUDA needs nothing to build)
   ocl-icd-opencl-dev opencl-headers libvulkan-dev glslang-dev glslang-tools spirv-tools
   # drivers that run GPU kernels on the processor, and what watches them in the tests

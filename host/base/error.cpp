@@ -27,6 +27,7 @@ int exit_status(ErrorKind kind) noexcept {
     case ErrorKind::device: return 4;
     case ErrorKind::not_converged: return 5;
     case ErrorKind::limit: return 6;
+    case ErrorKind::interrupted: return 130;
   }
   return 1;
 }

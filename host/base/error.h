@@ -14,6 +14,7 @@ enum class ErrorKind {
   device,         ///< an accelerator that is missing, lost or refuses; exit status 4
   not_converged,  ///< only used by the command line: the result is written and said to be unconverged; exit status 5
   limit,          ///< a limit such as memory, known before the work starts; exit status 6
+  interrupted,    ///< the user ended it, and what is done is kept; exit status 130
 };
 
 /// The one exception type of Interflect. what() is one line without a trailing newline.

@@ -73,6 +73,21 @@ void remove_temporaries(int signal) {
   ::raise(signal);  // SA_RESETHAND: its own effect this time, once the handler returns
 }
 
+constexpr std::array patient{SIGINT, SIGTERM};
+std::array<struct sigaction, patient.size()> before_patience;
+volatile std::sig_atomic_t end_asked = 0;
+
+/// The first signal. Puts the handlers from before back, so that the second one has their effect.
+void note_interrupt(int) {
+  const int error = errno;
+  end_asked = 1;
+  for (std::size_t k = 0; k < patient.size(); ++k) ::sigaction(patient[k], &before_patience[k], nullptr);
+  constexpr std::string_view line =
+      "interflect: interrupted: finishing the panel in hand (once more to end at once; what is finished is kept)\n";
+  if (::write(STDERR_FILENO, line.data(), line.size()) < 0) errno = error;  // nobody reads: as good as said
+  errno = error;
+}
+
 Error system_error(const std::filesystem::path& path, std::string_view action) {
   return input_error(path.string(), 0, fmt::format("cannot {}: {}", action, std::strerror(errno)));
 }
@@ -169,6 +184,33 @@ void remove_temporaries_on_signals() {
     action.sa_flags = static_cast<int>(SA_RESETHAND);
     ::sigaction(signal, &action, nullptr);
   }
+}
+
+PatientInterrupt::PatientInterrupt() {
+  end_asked = 0;
+  for (std::size_t k = 0; k < patient.size(); ++k) ::sigaction(patient[k], nullptr, &before_patience[k]);
+  for (std::size_t k = 0; k < patient.size(); ++k) {
+    if (before_patience[k].sa_handler == SIG_IGN) continue;
+    struct sigaction action {};
+    action.sa_handler = note_interrupt;
+    action.sa_flags = SA_RESTART;  // the writes of the panel in hand go on
+    for (const int signal : patient) ::sigaddset(&action.sa_mask, signal);
+    ::sigaction(patient[k], &action, nullptr);
+  }
+}
+
+PatientInterrupt::~PatientInterrupt() {
+  for (std::size_t k = 0; k < patient.size(); ++k) ::sigaction(patient[k], &before_patience[k], nullptr);
+}
+
+bool PatientInterrupt::asked() noexcept {
+  return end_asked != 0;
+}
+
+void file_limit_is_an_error() {
+  struct sigaction action {};
+  action.sa_handler = SIG_IGN;
+  ::sigaction(SIGXFSZ, &action, nullptr);
 }
 
 }  // namespace interflect

@@ -45,4 +45,21 @@ class AtomicFile {
 /// a library leaves signals alone.
 void remove_temporaries_on_signals();
 
+/// While one lives, the first SIGINT or SIGTERM only asks for an end (a line on stderr says that the panel in hand is
+/// finished first); the second one ends the process as before. A signal that was ignored stays so. For programs; one at
+/// a time.
+class PatientInterrupt {
+ public:
+  PatientInterrupt();
+  PatientInterrupt(const PatientInterrupt&) = delete;
+  PatientInterrupt& operator=(const PatientInterrupt&) = delete;
+  ~PatientInterrupt();
+  /// Whether an end was asked for.
+  [[nodiscard]] static bool asked() noexcept;
+};
+
+/// From now on a file that would grow beyond the process's limit is an error of the write, not a signal that ends the
+/// process. For programs.
+void file_limit_is_an_error();
+
 }  // namespace interflect

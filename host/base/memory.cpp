@@ -41,7 +41,9 @@ std::uint64_t cgroup_available() {
   return limit > used ? limit - used : 0;
 }
 
-std::uint64_t parse_size(const std::string& text) {
+}  // namespace
+
+std::uint64_t parse_bytes(const std::string& text, std::string_view name) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
   const bool has_number = end != text.c_str();
@@ -65,15 +67,13 @@ std::uint64_t parse_size(const std::string& text) {
     default: break;
   }
   if (!has_number || *end != '\0' || !(value >= 0) || value * unit >= 1e19) {
-    throw Error(ErrorKind::usage, fmt::format("INTERFLECT_MEMORY: '{}' is not a size such as 4G", text));
+    throw Error(ErrorKind::usage, fmt::format("{}: '{}' is not a size such as 4G", name, text));
   }
   return static_cast<std::uint64_t>(value * unit);
 }
 
-}  // namespace
-
 std::uint64_t available_memory() {
-  if (const char* forced = std::getenv("INTERFLECT_MEMORY")) return parse_size(forced);
+  if (const char* forced = std::getenv("INTERFLECT_MEMORY")) return parse_bytes(forced, "INTERFLECT_MEMORY");
   return std::min(meminfo_available(), cgroup_available());
 }
 

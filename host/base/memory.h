@@ -4,12 +4,17 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
+#include <string_view>
 
 namespace interflect {
 
 /// Bytes that this process may still use: the smaller of the machine's available memory and the control group's limit.
 /// INTERFLECT_MEMORY (bytes, or with a suffix K, M, G) overrides it, so that a limit can be tested.
 [[nodiscard]] std::uint64_t available_memory();
+
+/// "4G", "500M", "1.5g", "64K", or bytes. Throws a usage Error that begins with `name` for another text.
+[[nodiscard]] std::uint64_t parse_bytes(const std::string& text, std::string_view name);
 
 /// Zero-filled memory for a matrix: 2 MiB-aligned, huge pages requested, pages touched first by whoever writes them.
 class PageBuffer {

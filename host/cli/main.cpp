@@ -14,7 +14,7 @@ using interflect::Error;
 using interflect::ErrorKind;
 
 int fail(ErrorKind kind, std::string_view message) {
-  fmt::print(stderr, "interflect: error: {}\n", message);
+  fmt::print(stderr, "interflect: {}: {}\n", kind == ErrorKind::interrupted ? "interrupted" : "error", message);
   return interflect::exit_status(kind);
 }
 
@@ -48,6 +48,7 @@ int run(int argc, char** argv) {
     return usage(program, error);
   }
   interflect::remove_temporaries_on_signals();
+  interflect::file_limit_is_an_error();
   const int status = action();
   // A full disk or a closed pipe shows when the results are flushed.
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) return fail(ErrorKind::input, "cannot write to stdout");

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "interflect/base/error.h"
+#include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
 #include "interflect/formfactor/patch_order.h"
 #include "interflect/schedule/storage_choice.h"
@@ -16,8 +17,8 @@
 
 namespace interflect::cli {
 
-void add_scene_options(CLI::App& command, SceneOptions& options) {
-  command.add_option("SCENE", options.file, "scene: .xml (rrv), .obj, .gltf or .glb")->required();
+void add_scene_options(CLI::App& command, SceneOptions& options, const std::string& what) {
+  command.add_option("SCENE", options.file, what)->required();
   auto* divide = command
                      .add_option("--divide", options.divide,
                                  "split triangles into four until their area is at most this (default: as many "
@@ -31,12 +32,14 @@ void add_scene_options(CLI::App& command, SceneOptions& options) {
       ->check(CLI::IsMember({"auto", "on", "off"}));
   command.add_option("--group-by", options.group_by, "what the groups are: auto, object, group, material")
       ->check(CLI::IsMember({"auto", "object", "group", "material"}));
+  command.add_option("--accuracy", options.accuracy,
+                     "low, medium, high, or the rms error of a row sum that sampling may leave (default: medium)");
+  command.add_option("--seed", options.seed, "of the visibility samples (default: 1)")->check(whole_number());
+  command.add_option("--memory", options.memory,
+                     "what the form factors may take, such as 4G (default: what is available, less a reserve); what "
+                     "exceeds it stays in the .iff file and is read for every product");
   command.add_flag("--quiet", options.quiet, "no progress, no warnings; solve: no summary either");
 }
-
-namespace {
-
-constexpr std::uint64_t default_patches = 5000;
 
 GroupBy group_by(const std::string& name) {
   static const std::map<std::string, GroupBy> names{{"auto", GroupBy::automatic},
@@ -45,6 +48,10 @@ GroupBy group_by(const std::string& name) {
                                                     {"material", GroupBy::material}};
   return names.at(name);
 }
+
+namespace {
+
+constexpr std::uint64_t default_patches = 5000;
 
 /// The line with the scene's name in front, if it does not name a place in it already.
 std::string with_file(const Scene& scene, const std::string& line) {
@@ -85,19 +92,40 @@ MeshedScene load(const SceneOptions& options, ProgressSink& progress) {
   return loaded;
 }
 
+Accuracy accuracy_asked(const SceneOptions& options) {
+  return options.accuracy ? accuracy_of(*options.accuracy) : Accuracy{};
+}
+
 AssemblyOptions assembly_options(const SceneOptions& options) {
   AssemblyOptions assembly;
   assembly.closure = options.closure == "on"    ? Closure::on
                      : options.closure == "off" ? Closure::off
                                                 : Closure::automatic;
+  assembly.budget = budget_of(accuracy_asked(options));
+  assembly.seed = options.seed.value_or(assembly.seed);
   return assembly;
+}
+
+void report_warnings(const AssemblyReport& report, const std::string& name, ProgressSink& progress) {
+  for (const std::string& warning : report.warnings) {
+    progress.message(fmt::format("warning: {}: {}", name, warning));
+  }
+}
+
+std::optional<std::uint64_t> memory_for_streaming(const SceneOptions& options, std::size_t patches) {
+  if (options.memory) {
+    const std::uint64_t memory = parse_bytes(*options.memory, "--memory");
+    return FormFactorMatrix::predicted_bytes(patches) <= memory ? std::nullopt : std::optional(memory);
+  }
+  const std::uint64_t available = available_memory(), needed = assembly_memory(patches);
+  if (needed <= available) return std::nullopt;
+  const std::uint64_t beside = needed - FormFactorMatrix::predicted_bytes(patches);
+  return available > beside ? (available - beside) / 8 * 7 : 0;
 }
 
 FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& options, ProgressSink& progress) {
   FormFactors factors = assemble(loaded.mesh, assembly_options(options), &progress);
-  for (const std::string& warning : factors.report.warnings) {
-    progress.message(fmt::format("warning: {}: {}", loaded.scene.file, warning));
-  }
+  report_warnings(factors.report, loaded.scene.file, progress);
   return factors;
 }
 
@@ -198,6 +226,31 @@ Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
   return dense;
 }
 
+Solved solve_streamed(const StreamedMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
+                      std::optional<Storage> storage, Method method, const StopTest& stop, ProgressSink& progress) {
+  if (storage && *storage != Storage::dense32) {
+    throw Error(ErrorKind::limit,
+                fmt::format("--storage {} is packed from all form factors at once, and they do not fit the memory: use "
+                            "--storage dense32, or a larger --memory",
+                            name(*storage)));
+  }
+  tune_on_first_use(candidates.device(), Storage::dense32, matrix.size(), progress);
+  const Light light = light_of(mesh);
+  const Place place = [&](std::unique_ptr<Device> device) {
+    std::vector<std::unique_ptr<Device>> devices;
+    devices.push_back(std::move(device));
+    return std::make_unique<Scheduler>(matrix, std::move(devices), static_cast<std::uint32_t>(channels));
+  };
+  Columns radiosity;
+  FallbackReport done =
+      solve_on(candidates, place, method, stop, mesh.area, light.reflectance, light.emittance, radiosity, &progress);
+  StorageUse use{Storage::dense32, matrix.bytes()};
+  const PanelStream& stream = matrix.stream();
+  use.streamed = {stream.panels().panels(), stream.resident(), stream.use().bytes_read, stream.use().passes,
+                  stream.use().seconds_waiting};
+  return solved_of(std::move(done), radiosity, use);
+}
+
 Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop) {
   const Light light = light_of(mesh);
   Columns radiosity;
@@ -219,15 +272,15 @@ double Energy::balance_error() const {
   return sum > 0 ? difference / sum : 0;
 }
 
-Energy energy_balance(const ExactProduct& product, const PatchMesh& mesh, const std::vector<Rgb>& radiosity,
+Energy energy_balance(const ExactProduct& exact, const PatchMesh& mesh, const std::vector<Rgb>& radiosity,
                       const std::vector<double>& row_sum) {
-  const auto n = static_cast<std::uint32_t>(radiosity.size());
+  const auto n = static_cast<std::uint32_t>(mesh.size());
   Columns b(3, std::vector<float>(n));  // the radiosities came as floats: nothing is lost
   for (std::uint32_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 3; ++c) b[c][i] = static_cast<float>(radiosity[i][c]);
   }
   std::vector<std::vector<double>> received;
-  product(b, received);
+  exact(b, received);
   Energy energy;
   for (std::uint32_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 3; ++c) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "interflect/device/device.h"
+#include "interflect/formfactor/accuracy.h"
 #include "interflect/formfactor/assembly.h"
 #include "interflect/formfactor/packed_matrix.h"
 #include "interflect/output/output.h"
@@ -26,9 +27,13 @@ struct SceneOptions {
   bool two_sided = false;
   std::string closure = "auto";
   std::string group_by = "auto";
+  std::optional<std::string> accuracy;  ///< as given
+  std::optional<std::uint64_t> seed;
+  std::optional<std::string> memory;  ///< as given
   bool quiet = false;
 };
-void add_scene_options(CLI::App& command, SceneOptions& options);
+void add_scene_options(CLI::App& command, SceneOptions& options,
+                       const std::string& what = "scene: .xml (rrv), .obj, .gltf, .glb or .vs3 (View3D)");
 
 struct MeshedScene {
   Scene scene;
@@ -42,8 +47,16 @@ struct MeshedScene {
 /// Reads, checks and cuts the scene. Warnings go to the progress sink; an error among the findings is thrown.
 [[nodiscard]] MeshedScene load(const SceneOptions& options, ProgressSink& progress);
 
-/// What the options ask of the assembly.
+/// What the options say of the assembly. Throws a usage Error for an accuracy that is none.
 [[nodiscard]] AssemblyOptions assembly_options(const SceneOptions& options);
+[[nodiscard]] Accuracy accuracy_asked(const SceneOptions& options);  ///< medium where none was given
+[[nodiscard]] GroupBy group_by(const std::string& name);
+void report_warnings(const AssemblyReport& report, const std::string& name, ProgressSink& progress);
+
+/// The bytes of S that may be in memory when F exceeds the memory, so that its panels must stay in a file; nothing when
+/// F fits: --memory, or what is available. Throws a usage Error for a --memory that is no size.
+[[nodiscard]] std::optional<std::uint64_t> memory_for_streaming(const SceneOptions& options, std::size_t patches);
+
 /// Assembles F; the assembly's warnings go to the progress sink.
 [[nodiscard]] FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& options,
                                            ProgressSink& progress);
@@ -58,6 +71,14 @@ struct Light {
 [[nodiscard]] PackedMatrix pack(const FormFactorMatrix& matrix, const PatchMesh& mesh, Storage storage,
                                 std::uint32_t block);
 
+/// What a solve with panels in a file took.
+struct StreamUse {
+  std::uint32_t panels = 0, resident = 0;  ///< of the file, and those that stayed in memory
+  std::uint64_t bytes_read = 0;            ///< from the file
+  std::uint64_t passes = 0;                ///< over the panels: a product each
+  double seconds_waiting = 0;              ///< for the disk
+};
+
 /// How F was stored for a solve.
 struct StorageUse {
   Storage format = Storage::dense32;
@@ -66,6 +87,7 @@ struct StorageUse {
   std::optional<double> rounding_error = {};  ///< of the radiosities, see rounding_error(); none for dense32
   double pack_seconds = 0;                    ///< order of the patches and packing
   std::string refused = {};                   ///< the format that dense32 took the place of, and why
+  std::optional<StreamUse> streamed = {};     ///< panels of S came from a file
 };
 
 /// Radiosity and what it took.
@@ -85,8 +107,16 @@ struct Solved {
 [[nodiscard]] Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
                                  std::optional<Storage> storage, Method method, const StopTest& stop,
                                  ProgressSink& progress);
+/// The same with panels that stay in a file. Throws a limit Error for a 16-bit format, which would be packed from the
+/// whole of F.
+[[nodiscard]] Solved solve_streamed(const StreamedMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
+                                    std::optional<Storage> storage, Method method, const StopTest& stop,
+                                    ProgressSink& progress);
 /// Where F has been placed already.
 [[nodiscard]] Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop);
+
+/// y = F x in double, wherever F lies: see exact_product().
+using ExactProduct = std::function<void(const Columns& x, std::vector<std::vector<double>>& y)>;
 
 /// Where the light goes, per channel, in the scene's power unit: emitted = absorbed + escaped when all is right.
 struct Energy {
@@ -96,9 +126,7 @@ struct Energy {
 };
 /// emitted = Σ A E, absorbed = Σ A (1 − ρ)(F B), escaped = Σ A B (1 − Σ_j F_ij): F B is computed anew in double, so
 /// that the balance checks reciprocity and the solution.
-/// `product` is F x, accurately, wherever F lies.
-using ExactProduct = std::function<void(const Columns& x, std::vector<std::vector<double>>& y)>;
-[[nodiscard]] Energy energy_balance(const ExactProduct& product, const PatchMesh& mesh,
-                                    const std::vector<Rgb>& radiosity, const std::vector<double>& row_sum);
+[[nodiscard]] Energy energy_balance(const ExactProduct& exact, const PatchMesh& mesh, const std::vector<Rgb>& radiosity,
+                                    const std::vector<double>& row_sum);
 
 }  // namespace interflect::cli

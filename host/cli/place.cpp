@@ -6,62 +6,11 @@
 
 #include "interflect/base/error.h"
 #include "interflect/base/timer.h"
-#include "interflect/device/compile_cache.h"
 #include "interflect/schedule/device_form_factors.h"
-#include "interflect/schedule/device_tile_maker.h"
 #include "interflect/schedule/storage_choice.h"
 #include "tune.h"
 
 namespace interflect::cli {
-
-void add_assembly_option(CLI::App& command, std::string& text) {
-  command
-      .add_option(
-          "--assembly", text,
-          "where the form factors are computed: host; device (OpenMP's is the host); auto: on a GPU, else on the "
-          "host")
-      ->check(CLI::IsMember({"auto", "host", "device"}))
-      ->capture_default_str();
-}
-
-AssemblyPlace assembly_place(const std::string& text) {
-  return text == "host" ? AssemblyPlace::host : text == "device" ? AssemblyPlace::device : AssemblyPlace::automatic;
-}
-
-bool assembles(AssemblyPlace place, const DeviceInfo& device) {
-  if (place == AssemblyPlace::host || device.backend == "openmp") return false;
-  return place == AssemblyPlace::device || device.type != DeviceType::cpu;  // there Embree does it faster
-}
-
-void say(const AssemblyReport& report, const Scene& scene, ProgressSink& progress) {
-  for (const std::string& warning : report.warnings) {
-    progress.message(fmt::format("warning: {}: {}", scene.file, warning));
-  }
-}
-
-FormFactors assemble_by(Candidates& candidates, AssemblyPlace place, const PatchMesh& mesh, AssemblyOptions options,
-                        AssemblyUse& use, ProgressSink& progress) {
-  while (assembles(place, candidates.info())) {
-    try {
-      Device& device = candidates.device();
-      options.maker = [&](const PatchTable& patches, const Blockers& blockers) {
-        return std::make_unique<DeviceTileMaker>(device, patches, blockers, options.budget, options.seed);
-      };
-      const double compiled_before = compile_statistics().seconds;
-      FormFactors factors = assemble(mesh, options, &progress);
-      factors.report.seconds -= compile_statistics().seconds - compiled_before;
-      use = {candidates.id(), factors.matrix.bytes()};
-      return factors;
-    } catch (const Error& error) {
-      if (error.kind() != ErrorKind::device) throw;  // also the host's limits, which no device can help with
-      candidates.take().reset();
-      candidates.give_up(error);
-    }
-  }
-  options.maker = {};
-  use = {};
-  return assemble(mesh, options, &progress);
-}
 
 namespace {
 
@@ -76,7 +25,7 @@ bool resides(AssemblyPlace place, const DeviceInfo& device, std::uint32_t n) {
 /// Places F on one device after the other, where each assembles it or, once for all, the host has.
 class Placing {
  public:
-  Placing(const MeshedScene& loaded, const AssemblyOptions& options, AssemblyPlace place, PlacedSolve& out,
+  Placing(const MeshedScene& loaded, const SceneOptions& options, AssemblyPlace place, PlacedSolve& out,
           ProgressSink& progress)
       : loaded_(loaded), options_(options), place_(place), out_(out), progress_(progress) {}
 
@@ -93,22 +42,21 @@ class Placing {
   std::unique_ptr<Scheduler> on_device(std::unique_ptr<Device> device) {
     const Timer timer;
     const std::string id = device->info().id;
-    DeviceFormFactors factors(std::move(device), loaded_.mesh, options_, &progress_);
+    DeviceFormFactors factors(std::move(device), loaded_.mesh, assembly_options(options_), &progress_);
     seconds_ += timer.seconds();
     out_.factors = {{}, factors.report()};
     out_.assembly = {id, out_.assembly.bytes_over_bus};
     storage_ = {Storage::dense32, factors.matrix().bytes(), factors.nonzero_fraction()};
-    say(out_.factors.report, loaded_.scene, progress_);
+    report_warnings(out_.factors.report, loaded_.scene.file, progress_);
     return std::make_unique<Scheduler>(std::move(factors), channels);
   }
   std::unique_ptr<Scheduler> on_host(std::unique_ptr<Device> device) {
     if (out_.factors.matrix.size() == 0) {
       const Timer timer;
-      out_.factors = assemble(loaded_.mesh, options_, &progress_);
+      out_.factors = assemble_checked(loaded_, options_, progress_);
       seconds_ += timer.seconds();
       out_.assembly.device = AssemblyUse{}.device;
       storage_ = {Storage::dense32, out_.factors.matrix.bytes(), out_.factors.matrix.nonzero_fraction()};
-      say(out_.factors.report, loaded_.scene, progress_);
     }
     std::vector<std::unique_ptr<Device>> devices;
     devices.push_back(std::move(device));
@@ -118,7 +66,7 @@ class Placing {
   }
 
   const MeshedScene& loaded_;
-  const AssemblyOptions& options_;
+  const SceneOptions& options_;
   AssemblyPlace place_;
   PlacedSolve& out_;
   ProgressSink& progress_;
@@ -126,7 +74,7 @@ class Placing {
   StorageUse storage_;
 };
 
-void solve_where_assembled(const MeshedScene& loaded, const AssemblyOptions& options, AssemblyPlace place,
+void solve_where_assembled(const MeshedScene& loaded, const SceneOptions& options, AssemblyPlace place,
                            Candidates& candidates, Method method, const StopTest& stop, ProgressSink& progress,
                            PlacedSolve& out) {
   const PatchMesh& mesh = loaded.mesh;
@@ -147,23 +95,24 @@ void solve_where_assembled(const MeshedScene& loaded, const AssemblyOptions& opt
 
 }  // namespace
 
-PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& options, AssemblyPlace place,
-                               Candidates& candidates, std::optional<Storage> storage, Method method,
-                               const StopTest& stop, ProgressSink& progress) {
+PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& options, Assembler& assembler,
+                               std::optional<Storage> storage, Method method, const StopTest& stop,
+                               ProgressSink& progress) {
   PlacedSolve out;
   const PatchMesh& mesh = loaded.mesh;
   const auto n = static_cast<std::uint32_t>(mesh.size());
-  const AssemblyOptions assembly = assembly_options(options);
+  const AssemblyPlace place = assembler.place();
+  Candidates& candidates = assembler.candidates();
   // Asked for the device, `auto` does not turn to a smaller format: that would be packed on the host.
   const bool dense = storage
                          ? *storage == Storage::dense32
                          : place == AssemblyPlace::device || choose_storage(n, candidates.info()) == Storage::dense32;
   if (dense && resides(place, candidates.info(), n)) {
-    solve_where_assembled(loaded, assembly, place, candidates, method, stop, progress, out);
+    solve_where_assembled(loaded, options, place, candidates, method, stop, progress, out);
     return out;
   }
-  out.factors = assemble_by(candidates, place, mesh, assembly, out.assembly, progress);
-  say(out.factors.report, loaded.scene, progress);
+  out.factors = assemble_in_memory(loaded, options, "--form-factors FILE.iff", assembler, progress);
+  out.assembly = assembler.use();
   if (out.assembly.bytes_over_bus > 0) {
     progress.message(fmt::format("the form factors came from {} to be stored on the host", out.assembly.device));
   }
@@ -171,6 +120,31 @@ PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& op
   out.assembly.bytes_over_bus += out.solved.uploaded_bytes;
   const auto product = [&](const Columns& x, auto& y) { exact_product(out.factors.matrix, x, y); };
   out.energy = energy_balance(product, mesh, out.solved.radiosity, out.factors.report.row_sum);
+  return out;
+}
+
+PlacedSolve solve_kept(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
+                       Assembler& assembler, std::optional<Storage> storage, Method method, const StopTest& stop,
+                       ProgressSink& progress) {
+  KeptFormFactors kept = form_factors_for_solve(file, loaded, options, assembler, progress);
+  PlacedSolve out;
+  out.assembly = assembler.use();
+  out.kept = std::move(kept.kept);
+  out.factors = std::move(kept.factors);
+  std::optional<StreamedMatrix> streamed;
+  if (kept.panels != nullptr) {
+    streamed.emplace(*kept.panels, loaded.mesh.area, out.factors.report.scaling, kept.memory);
+  }
+  Candidates& candidates = assembler.candidates();
+  const FormFactorMatrix& matrix = out.factors.matrix;
+  out.solved = streamed ? solve_streamed(*streamed, loaded.mesh, candidates, storage, method, stop, progress)
+                        : solve_scene(matrix, loaded.mesh, candidates, storage, method, stop, progress);
+  if (streamed) out.solved.storage.nonzero_fraction = kept.panels->nonzero_fraction();
+  out.assembly.bytes_over_bus += out.solved.uploaded_bytes;
+  const ExactProduct exact = [&](const Columns& x, std::vector<std::vector<double>>& y) {
+    streamed ? exact_product(*streamed, x, y) : exact_product(matrix, x, y);
+  };
+  out.energy = energy_balance(exact, loaded.mesh, out.solved.radiosity, out.factors.report.row_sum);
   return out;
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <map>
 
+#include "certificate_report.h"
 #include "interflect/device/compile_cache.h"
 
 namespace interflect::cli {
@@ -36,12 +37,10 @@ ordered_json energy_json(const Energy& energy) {
 }
 
 /// How many patches of which object are set aside: "table/leg": 12.
-ordered_json set_aside_by_object(const AssemblyReport& report, const PatchMesh& mesh) {
+ordered_json set_aside_by_object(const AssemblyReport& report,
+                                 const std::function<std::string(std::uint32_t)>& object_of) {
   std::map<std::string, std::uint32_t> counts;
-  for (const std::uint32_t i : report.set_aside) {
-    const Surface& surface = mesh.surfaces[mesh.surface[i]];
-    ++counts[surface.object.empty() ? surface.group : surface.object];
-  }
+  for (const std::uint32_t i : report.set_aside) ++counts[object_of(i)];
   ordered_json out = ordered_json::object();
   for (const auto& [name, count] : counts) out[name] = count;
   return out;
@@ -50,6 +49,13 @@ ordered_json set_aside_by_object(const AssemblyReport& report, const PatchMesh& 
 }  // namespace
 
 ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded) {
+  return closure_json(report, [&](std::uint32_t i) {
+    const Surface& surface = loaded.mesh.surfaces[loaded.mesh.surface[i]];
+    return surface.object.empty() ? surface.group : surface.object;
+  });
+}
+
+ordered_json closure_json(const AssemblyReport& report, const std::function<std::string(std::uint32_t)>& object_of) {
   ordered_json out = row_sums_json(report.after);
   out["before"] = row_sums_json(report.before);
   out["applied"] = report.closure_applied;
@@ -59,8 +65,10 @@ ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loade
   out["escape_fraction"] = report.escape_fraction;
   out["back_fraction"] = report.back_fraction;
   out["set_aside"] = {{"count", report.set_aside.size()},
-                      {"by_object", set_aside_by_object(report, loaded.mesh)},
+                      {"by_object", set_aside_by_object(report, object_of)},
                       {"patches", report.set_aside}};
+  out["moved"] = moved_json(report);
+  out["certificate"] = certificate_json(report.certificate);
   return out;
 }
 
@@ -70,6 +78,22 @@ ordered_json assembly_json(const AssemblyReport& report, const AssemblyUse& use)
           {"pairs_considered", report.pairs_considered},
           {"pairs_analytic", report.pairs_analytic},
           {"rays", report.rays}};
+}
+
+ordered_json error_json(const EstimatedError& error) {
+  return {{"rms", error.rms}, {"max", error.max}};
+}
+
+ordered_json kept_json(const Kept& kept) {
+  if (kept.file.empty()) return nullptr;
+  return {{"file", kept.file},    {"done", kept.done}, {"panels", kept.panels},    {"panels_reused", kept.reused},
+          {"accuracy", kept.eps}, {"seed", kept.seed}, {"geometry", kept.geometry}};
+}
+
+std::string kept_text(const Kept& kept) {
+  if (kept.file.empty()) return "";
+  return fmt::format("kept           {}: {}, {} of {} panels from there, accuracy {}, seed {}\n", kept.file, kept.done,
+                     kept.reused, kept.panels, text_of({kept.eps}), kept.seed);
 }
 
 ordered_json to_json(const SolveSummary& summary) {
@@ -104,6 +128,14 @@ ordered_json to_json(const SolveSummary& summary) {
       {"rounding_error",
        storage.rounding_error ? nlohmann::ordered_json(*storage.rounding_error) : nlohmann::ordered_json(nullptr)},
       {"refused", storage.refused.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(storage.refused)}};
+  if (storage.streamed) {
+    const StreamUse& use = *storage.streamed;
+    out["storage"]["streamed"] = {{"panels", use.panels},
+                                  {"resident", use.resident},
+                                  {"bytes_read", use.bytes_read},
+                                  {"bytes_read_per_product", use.bytes_read / std::max<std::uint64_t>(1, use.passes)},
+                                  {"seconds_waiting", use.seconds_waiting}};
+  }
   out["seconds"] = {{"read", loaded.read_seconds},
                     {"mesh", loaded.mesh_seconds},
                     {"form_factors", assembled.seconds},
@@ -116,6 +148,9 @@ ordered_json to_json(const SolveSummary& summary) {
   out["closure"] = closure_json(assembled, loaded);
   out["energy"] = energy_json(summary.energy);
   out["assembly"] = assembly_json(assembled, summary.assembly);
+  out["form_factors"] = kept_json(summary.kept);
+  out["estimated_error"] = {{"row_sum", error_json(summary.row_error)},
+                            {"radiosity", error_json(summary.radiosity_error)}};
   out["warnings"] = loaded.warnings;
   for (const std::string& warning : assembled.warnings) out["warnings"].push_back(warning);
   return out;
@@ -137,7 +172,7 @@ std::string closure_text(const AssemblyReport& report) {
   if (!report.set_aside.empty()) {
     out += fmt::format("set aside      {} patches that see next to nothing\n", report.set_aside.size());
   }
-  return out;
+  return out + certificate_text(report.certificate);
 }
 
 std::string rounding_text(const StorageUse& storage) {
@@ -148,6 +183,14 @@ std::string rounding_text(const StorageUse& storage) {
          fmt::format(", its rounding moves a radiosity by at most {:.1e} of the largest", *storage.rounding_error);
 }
 
+std::string stream_text(const StorageUse& storage) {
+  if (!storage.streamed) return "";
+  const StreamUse& use = *storage.streamed;
+  const std::uint64_t each = use.bytes_read / std::max<std::uint64_t>(1, use.passes);
+  return fmt::format("streamed       {} of {} panels in memory, {:.1f} MiB read per product, {:.2f} s waiting for it\n",
+                     use.resident, use.panels, static_cast<double>(each) / (1 << 20), use.seconds_waiting);
+}
+
 std::string to_text(const SolveSummary& summary) {
   const MeshedScene& loaded = *summary.loaded;
   const SolveReport& report = summary.solved->report;
@@ -156,8 +199,10 @@ std::string to_text(const SolveSummary& summary) {
   const StorageUse& storage = summary.solved->storage;
   out += fmt::format("form factors   {:.2f} s on {}, {:.1f} % non-zero\n", summary.assembled->seconds,
                      summary.assembly.device, 100 * storage.nonzero_fraction);
+  out += kept_text(summary.kept);
   out += fmt::format("storage        {}, {:.1f} MiB{}\n", name(storage.format),
                      static_cast<double>(storage.bytes) / (1 << 20), rounding_text(storage));
+  out += stream_text(storage);
   out += closure_text(*summary.assembled);
   out += fmt::format("solve          {} on {}: {}, {} iterations, {} products, {:.3f} s\n", name(summary.method),
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,
@@ -171,6 +216,9 @@ std::string to_text(const SolveSummary& summary) {
                        kernels.from_cache, kernels.seconds);
   }
   out += fmt::format("residual       {:.2e} (relative, per channel)\n", fmt::join(report.relative_residual, " "));
+  out += fmt::format(
+      "sampling       row sums {:.1e} rms, {:.1e} at most; a radiosity {:.1e} rms, {:.1e} of the largest\n",
+      summary.row_error.rms, summary.row_error.max, summary.radiosity_error.rms, summary.radiosity_error.max);
   out += fmt::format("energy         emitted {:.6g}, absorbed {:.6g}, escaped {:.6g}, balance error {:.1e}\n",
                      sum(summary.energy.emitted), sum(summary.energy.absorbed), sum(summary.energy.escaped),
                      summary.energy.balance_error());

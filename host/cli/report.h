@@ -1,9 +1,12 @@
 #pragma once
 
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 
+#include "interflect/formfactor/estimate.h"
+#include "kept.h"
 #include "pipeline.h"
 #include "place.h"
 
@@ -19,6 +22,8 @@ struct SolveSummary {
   Energy energy;
   AssemblyUse assembly;
   double write_seconds = 0, total_seconds = 0;
+  Kept kept = {};
+  EstimatedError row_error = {}, radiosity_error = {};
 };
 
 /// The JSON report: the fields that DESIGN's section on the command line fixes, and more beside them.
@@ -29,11 +34,22 @@ struct SolveSummary {
 /// What packing took and its rounding costs, as the end of a line; nothing for dense32.
 [[nodiscard]] std::string rounding_text(const StorageUse& storage);
 
+/// How the panels that stayed in a file were read, a line; nothing where none did.
+[[nodiscard]] std::string stream_text(const StorageUse& storage);
+
 /// Row sums, closure, set-aside patches: the part of the report that `formfactors` prints as well.
 [[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded);
 /// Where and with how much work F was assembled.
 [[nodiscard]] nlohmann::ordered_json assembly_json(const AssemblyReport& report, const AssemblyUse& use);
 [[nodiscard]] std::string closure_text(const AssemblyReport& report);
+
+[[nodiscard]] nlohmann::ordered_json closure_json(const AssemblyReport& report,
+                                                  const std::function<std::string(std::uint32_t)>& object_of);
+
+/// Where the form factors are kept and what was done; null without a file. As text: a line, or nothing.
+[[nodiscard]] nlohmann::ordered_json kept_json(const Kept& kept);
+[[nodiscard]] std::string kept_text(const Kept& kept);
+[[nodiscard]] nlohmann::ordered_json error_json(const EstimatedError& error);
 
 /// A device's reason may hold a compiler's log: its first line.
 [[nodiscard]] std::string_view first_line(std::string_view text);

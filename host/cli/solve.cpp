@@ -13,6 +13,8 @@
 #include "interflect/base/timer.h"
 #include "interflect/device/registry.h"
 #include "interflect/schedule/storage_choice.h"
+#include "kept.h"
+#include "outputs.h"
 #include "parse.h"
 #include "pipeline.h"
 #include "place.h"
@@ -27,6 +29,7 @@ struct Options {
   SceneOptions scene;
   std::vector<std::string> outputs;
   std::string report;
+  std::string form_factors;
   std::string device = "auto";
   std::string method = "cg";
   std::string storage = "auto";
@@ -43,25 +46,8 @@ Method method_of(const std::string& text) {
 
 constexpr std::array extensions{".png", ".exr", ".ply", ".glb", ".csv", ".npy", ".json"};
 
-/// In lower case.
-std::string extension_of(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return extension;
-}
-
 bool is_picture(const std::string& path) {
   return extension_of(path) == ".png" || extension_of(path) == ".exr";
-}
-
-/// One and the same file, however it is spelled.
-bool same_file(const std::string& a, const std::string& b) {
-  std::error_code missing;
-  if (std::filesystem::equivalent(a, b, missing)) return true;
-  const auto whole = [&](const std::string& path) {
-    return std::filesystem::weakly_canonical(std::filesystem::absolute(path, missing), missing);
-  };
-  return whole(a) == whole(b);
 }
 
 /// Everything about the outputs that can be wrong before the work starts.
@@ -75,15 +61,14 @@ void check_outputs(const Options& options) {
                               extension_of(file)));
     }
   }
-  for (std::size_t k = 0; k < files.size(); ++k) {
-    if (same_file(files[k], options.scene.file)) {
-      throw Error(ErrorKind::usage, fmt::format("{} is the scene: an output would destroy it", files[k]));
-    }
-    for (std::size_t earlier = 0; earlier < k; ++earlier) {
-      if (!same_file(files[k], files[earlier])) continue;
-      throw Error(ErrorKind::usage, fmt::format("{} is named twice as an output", files[k]));
-    }
-    const AtomicFile probe(files[k]);  // the folder is there and can be written to
+  // A file of form factors is read where it is there.
+  std::error_code missing;
+  const std::string& kept = options.form_factors;
+  if (!kept.empty() && !std::filesystem::exists(kept, missing)) files.push_back(kept);
+  check_files(files, options.scene.file);
+  for (const std::string& file : options.outputs) {
+    if (kept.empty() || !same_file(file, kept)) continue;
+    throw Error(ErrorKind::usage, fmt::format("{} is the file of form factors: an output would destroy it", file));
   }
 }
 
@@ -91,6 +76,7 @@ void check_outputs(const Options& options) {
 void check_inputs_stay(const Options& options, const Scene& scene) {
   std::vector<std::string> outputs = options.outputs;
   if (!options.report.empty()) outputs.push_back(options.report);
+  if (!options.form_factors.empty()) outputs.push_back(options.form_factors);
   for (const std::string& output : outputs) {
     for (const std::filesystem::path& input : scene.files) {
       if (!same_file(output, input.string())) continue;
@@ -159,14 +145,24 @@ int run(const Options& options) {
       choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &console);
   candidates.open();  // a device that is not there is found before the work, too
 
-  const MeshedScene loaded = load(options.scene, console);
+  const SceneOptions as_kept = with_the_files_divide(options.scene, options.form_factors);
+  const MeshedScene loaded = load(as_kept, console);
   check_inputs_stay(options, loaded.scene);
   const Method method = method_of(options.method);
-  const PlacedSolve placed = assemble_and_solve(loaded, options.scene, assembly_place(options.assembly), candidates,
-                                                storage_of(options.storage), method, options.stop, console);
+  Assembler assembler(candidates, assembly_place(options.assembly));
+  const PlacedSolve placed = options.form_factors.empty()
+                                 ? assemble_and_solve(loaded, options.scene, assembler, storage_of(options.storage),
+                                                      method, options.stop, console)
+                                 : solve_kept(options.form_factors, loaded, as_kept, assembler,
+                                              storage_of(options.storage), method, options.stop, console);
   const Solved& solved = placed.solved;
+  const AssemblyReport& assembled = placed.factors.report;
 
-  SolveSummary summary{&loaded, &placed.factors.report, &solved, method, options.stop, placed.energy, placed.assembly};
+  SolveSummary summary{&loaded, &assembled, &solved, method, options.stop, placed.energy, placed.assembly};
+  summary.kept = placed.kept;
+  summary.row_error = row_sum_error(assembled.tile_variance, loaded.mesh.area);
+  summary.radiosity_error =
+      radiosity_error(assembled.tile_variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
   const Timer writing;
   write_outputs(options, summary, console);
   summary.write_seconds = writing.seconds();
@@ -198,6 +194,10 @@ void add_solve(CLI::App& program, Action& action) {
       ->type_size(1)
       ->allow_extra_args(false);
   command.add_option("--report", options->report, "the report as JSON")->check(file_name());
+  command
+      .add_option("--form-factors", options->form_factors,
+                  "keep the form factors in this file (.iff), and take them from it when it fits the scene")
+      ->check(file_name());
   command
       .add_option("--device", options->device,
                   "device id, see 'interflect devices'; several, as cuda:0,openmp, are tried in this order when one "

@@ -42,4 +42,17 @@ template <typename T>
       "COUNT");
 }
 
+/// A whole number of up to 64 bits. CLI11 itself would take "-1" for a large one.
+[[nodiscard]] inline CLI::Validator whole_number() {
+  return CLI::Validator(
+      [](std::string& text) {
+        std::uint64_t value = 0;
+        const char* const end = text.data() + text.size();
+        const auto [next, status] = std::from_chars(text.data(), end, value);
+        if (status == std::errc{} && next == end) return std::string{};
+        return fmt::format("'{}' is not a whole number from 0 to {}", text, std::numeric_limits<std::uint64_t>::max());
+      },
+      "NUMBER");
+}
+
 }  // namespace interflect::cli

@@ -11,8 +11,8 @@
 #include "interflect/device/kernel_arguments.h"
 #include "interflect/device/kernel_table.h"
 
-// shadow_rays against every triangle in double precision. Rays that pass so near an edge, or end so near a triangle, that
-// fp32 cannot tell are left out; all others must agree.
+// shadow_rays against every triangle in double precision. Rays that pass so near an edge, or end so near a triangle,
+// that fp32 cannot tell are left out; all others must agree.
 
 namespace interflect::check {
 
@@ -55,8 +55,8 @@ double largest(Vec3 v) {
 
 enum class Answer { free, hidden, unsure };
 
-/// How far fp32 may be off where it says on which side of an edge between p and q a ray passes: kernels/README.md derives it.
-/// p, q: relative to the ray's origin; d its direction, with its largest component along axis k.
+/// How far fp32 may be off where it says on which side of an edge between p and q a ray passes: kernels/README.md
+/// derives it. p, q: relative to the ray's origin; d its direction, with its largest component along axis k.
 double side_error(Vec3 p, Vec3 q, Vec3 d, int k) {
   const int i = (k + 1) % 3, j = (k + 2) % 3;
   const auto across = [&](Vec3 v, int axis) { return std::abs(v[axis]) + std::abs(v[k] * d[axis] / d[k]); };
@@ -160,8 +160,8 @@ Case soup(Random& random, std::size_t triangles, std::size_t rays, bool bad) {
   return made;
 }
 
-/// The inside of a box of 12 n² triangles, its corners moved about, and rays to its vertices and its edges: none may slip
-/// through.
+/// The inside of a box of 12 n² triangles, its corners moved about, and rays to its vertices and its edges: none may
+/// slip through.
 Case closed_box(Random& random, std::size_t n, std::size_t rays) {
   Case made;
   made.all_hidden = true;
@@ -211,8 +211,7 @@ Case comb(Random& random, std::size_t triangles, std::size_t rays) {
 
 Finding run(Device& device, const Case& c, std::uint32_t groups) {
   const Hierarchy hierarchy(c.mesh.vertices, c.mesh.triangles);
-  const ShadowRayArguments a{static_cast<std::uint32_t>(c.rays.size()), hierarchy.node_count(),
-                             hierarchy.leaf_count()};
+  const ShadowRayArguments a{static_cast<std::uint32_t>(c.rays.size()), hierarchy.node_count(), hierarchy.leaf_count()};
   const auto floats = [](const auto& values) {
     std::vector<float> all(values.size() * sizeof values[0] / sizeof(float));
     std::memcpy(all.data(), values.data(), all.size() * sizeof(float));
@@ -265,7 +264,7 @@ void check_rays(Device& device, std::vector<KernelCheck>& rows, const Selection&
   struct Size {
     std::size_t triangles, rays;
   };
-  constexpr Size sizes[] = {{0, 9},   {1, 1},     {1, 100},   {2, 130},   {4, 129},   {5, 64},
+  constexpr Size sizes[] = {{0, 9},    {1, 1},    {1, 100},   {2, 130},    {4, 129},   {5, 64},
                             {17, 130}, {65, 500}, {300, 500}, {1000, 500}, {3000, 500}};
   for (const Size s : sizes) {
     for (const bool bad : {false, true}) {

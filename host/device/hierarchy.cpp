@@ -181,9 +181,8 @@ std::size_t Hierarchy::Builder::by_area(const Range& r) {
   }
   if (!std::isfinite(least)) return by_number(r);  // all middles are one
   const auto at = [&](std::size_t k) { return order_.begin() + static_cast<std::ptrdiff_t>(k); };
-  const auto cut = std::stable_partition(at(r.first), at(r.end), [&](std::uint32_t t) {
-    return bin_of(t, best_axis) < best_bin;
-  });
+  const auto cut =
+      std::stable_partition(at(r.first), at(r.end), [&](std::uint32_t t) { return bin_of(t, best_axis) < best_bin; });
   return static_cast<std::size_t>(cut - order_.begin());
 }
 
@@ -194,7 +193,7 @@ std::vector<Hierarchy::Builder::Range> Hierarchy::Builder::parts_of(const Range&
   std::vector<Range> parts{whole};
   while (parts.size() < children) {
     auto chosen = parts.end();
-    const auto rank = [&](const Range& r) { return tight ? static_cast<double>(r.size()) : r.box.area(); };
+    const auto rank = [&](const Range& r) { return std::pair(tight ? 0.0 : r.box.area(), r.size()); };
     for (auto p = parts.begin(); p != parts.end(); ++p) {
       if (p->size() > in_leaf && (chosen == parts.end() || rank(*p) > rank(*chosen))) chosen = p;
     }
@@ -243,13 +242,14 @@ std::uint32_t Hierarchy::Builder::leaf(const Range& r) {
 }
 
 /// The children's boxes on the grid of the node, outwards, larger by what the rounding of a kernel's test of a box can
-/// amount to: at most 54 * 2^-24 of the largest coordinate where the ray starts within four times that, and here twice as
-/// much. Differences of floats in double are rounded by 2^-53 of them at most.
+/// amount to: at most 54 * 2^-24 of the largest coordinate where the ray starts within four times that, and here twice
+/// as much. Differences of floats in double are rounded by 2^-53 of them at most.
 void Hierarchy::Builder::write_boxes(std::uint32_t number, const Bounds& box, std::span<const Range> parts) {
   const double wider = 0x1p-17 * static_cast<double>(largest_);
   const std::span words = std::span(out_.nodes_).subspan(std::size_t{number} * node_words, node_words);
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const auto corner = static_cast<float>(static_cast<double>(box.low[axis]) - 2 * wider);  // rounded by less than `wider`
+    const auto corner =
+        static_cast<float>(static_cast<double>(box.low[axis]) - 2 * wider);  // rounded by less than `wider`
     const double extent = static_cast<double>(box.high[axis]) + wider - static_cast<double>(corner);
     int exponent = -125;
     if (extent > 0) exponent = std::max(exponent, std::ilogb(extent / 255.0));
@@ -272,8 +272,8 @@ void Hierarchy::Builder::write_boxes(std::uint32_t number, const Bounds& box, st
 
 Hierarchy::Hierarchy(std::span<const Vec3> vertices, std::span<const std::array<std::uint32_t, 3>> triangles) {
   if (triangles.size() > largest_hierarchy) {  // a leaf holds one at least
-    throw Error(ErrorKind::limit, fmt::format("{} triangles, a hierarchy takes {} at most", triangles.size(),
-                                              largest_hierarchy));
+    throw Error(ErrorKind::limit,
+                fmt::format("{} triangles, a hierarchy takes {} at most", triangles.size(), largest_hierarchy));
   }
   Builder(*this, vertices, triangles).build();
 }

@@ -14,11 +14,11 @@ namespace interflect {
 /// leaves of up to four triangles; node 0 is the root, also where there are no triangles.
 ///
 /// A node is 16 words: the corner of its box (3 floats); three biased exponents of powers of two, a byte for each axis,
-/// the lowest x; for the axes x, y, z the low sides of the four children's boxes, a byte for each child, then a word that
-/// means nothing, the same for the high sides; the four children. A side is at corner + byte * 2^(exponent − 127). A child
-/// is the number of a node or, with leaf_bit, of a leaf. An absent one has low 255 and high 0, and repeats another child, so
-/// that a kernel need not look for it. A leaf is 36 floats: x, y, z of the first vertex of its four triangles
-/// (four floats each), then of the second and the third; absent ones have no extent.
+/// the lowest x; for the axes x, y, z the low sides of the four children's boxes, a byte for each child, then a word
+/// that means nothing, the same for the high sides; the four children. A side is at corner + byte * 2^(exponent − 127).
+/// A child is the number of a node or, with leaf_bit, of a leaf. An absent one has low 255 and high 0, and repeats
+/// another child, so that a kernel need not look for it. A leaf is 36 floats: x, y, z of the first vertex of its four
+/// triangles (four floats each), then of the second and the third; absent ones have no extent.
 class Hierarchy {
  public:
   static constexpr std::uint32_t node_words = 16, leaf_floats = 36, leaf_bit = 0x80000000U;

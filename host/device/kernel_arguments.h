@@ -118,6 +118,7 @@ struct AssemblyArguments {
   float pilot_per_factor = 0, rays_per_factor = 0;  ///< from here on RayBudget
   std::uint32_t most_in_pilot = 0, fewest = 0, most = 0;
   float split_from = 0, three2 = 0, six2 = 0;  ///< the ratios squared
+  float three_error2 = 0, six_error2 = 0;      ///< the errors squared
   float lift = 0;                              ///< of the rays' ends off their patches
   std::uint32_t panel_first = 0, panel_rows = 0, panel_stride = 0;
 };
@@ -126,8 +127,8 @@ struct AssemblyArguments {
 namespace assembly {
 inline constexpr std::uint32_t block = 32, tile_pairs = block * block;
 inline constexpr std::uint32_t patch_words = 32, tile_words = 4;
-inline constexpr std::uint32_t counters = 16, sections = 7;
-inline constexpr std::uint32_t chunk_rays = 8, chunk_words = 6, cut_pieces = 64, cut_words = 196;
+inline constexpr std::uint32_t counters = 16, sections = 9;
+inline constexpr std::uint32_t chunk_rays = 8, chunk_words = 7, cut_pieces = 64, cut_words = 196;
 inline constexpr std::uint32_t traced_bit = 0x80000000U;
 /// Places of the counters: three lists of pairs, two of chunks, cuts, facts.
 inline constexpr std::uint32_t lists = 0, chunks = 3, cuts = 5, considered = 6, analytic = 7, rays = 8;

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -31,9 +33,15 @@ struct RayBudget {
   std::uint32_t most = 8192;
   float split_from = 0.01F;  ///< near, mixed pairs with F of at least this are cut into pieces with rays of their own
   kernel::Ratios ratios;     ///< from which quadrature does
+  float three_points_error = 2e-4F, six_points_error = 5e-5F;  ///< rms, as shares of S, that it leaves there
 };
 
-/// The budget whose rays leave about accuracy.eps.
+/// The budget whose rays leave at most about accuracy.eps.
 [[nodiscard]] RayBudget budget_of(const Accuracy& accuracy);
+
+/// The rms over all patches of the expected error of a row sum Σ_j F_ij: σ²(F_ij) is a pair's share of its tile's
+/// variance times A_j / A_i; the shares are taken to go like min(A_i, A_j). `variance` as TileFacts::variance of all
+/// tile rows, areas as PatchTable::area. Throws an internal Error when there are not as many variances as tiles.
+[[nodiscard]] double row_error(std::span<const double> area, std::size_t patches, std::span<const float> variance);
 
 }  // namespace interflect

@@ -4,6 +4,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <memory>
 #include <utility>
@@ -12,9 +13,12 @@
 #include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
 #include "interflect/formfactor/blockers.h"
+#include "interflect/formfactor/certificate.h"
 #include "interflect/formfactor/embree_tiles.h"
+#include "interflect/formfactor/fill.h"
 #include "interflect/formfactor/hemisphere.h"
 #include "interflect/formfactor/patch_table.h"
+#include "interflect/formfactor/streamed_matrix.h"
 
 namespace interflect {
 
@@ -62,67 +66,6 @@ void check_memory(std::uint64_t n, std::uint64_t limit) {
               fmt::format("the form factors of {} patches need {}, and {} may be used: use a larger --divide; about {} "
                           "patches would fit",
                           n, in_units(needed), in_units(limit), fits));
-}
-
-/// Writes a tile of S and its mirror image.
-void store(FormFactorMatrix& s, std::size_t r, std::size_t c, std::span<const float> tile) {
-  constexpr std::size_t block = PatchTable::block;
-  const std::size_t i0 = r * block, j0 = c * block;
-  const std::size_t height = std::min<std::size_t>(block, s.size() - i0), width = std::min(block, s.size() - j0);
-  for (std::size_t a = 0; a < height; ++a) {
-    float* row = s.row(static_cast<std::uint32_t>(i0 + a)).data() + j0;
-    for (std::size_t b = r == c ? a + 1 : 0; b < width; ++b) row[b] = tile[a * block + b];
-  }
-  for (std::size_t b = 0; b < width; ++b) {
-    float* row = s.row(static_cast<std::uint32_t>(j0 + b)).data() + i0;
-    for (std::size_t a = 0; a < (r == c ? b : height); ++a) row[a] = tile[a * block + b];
-  }
-}
-
-/// Copies rows [first, end), which came from a store, into the columns of the rows behind them.
-void mirror(FormFactorMatrix& s, std::uint32_t first, std::uint32_t end) {
-  constexpr std::uint32_t block = PatchTable::block;
-  const std::uint32_t blocks = (s.size() - end + block - 1) / block;
-#pragma omp parallel for schedule(static)
-  for (std::uint32_t k = 0; k < blocks; ++k) {
-    const std::uint32_t j0 = end + k * block, j1 = std::min(s.size(), j0 + block);
-    for (std::uint32_t i0 = first; i0 < end; i0 += block) {
-      for (std::uint32_t j = j0; j < j1; ++j) {
-        for (std::uint32_t i = i0; i < std::min(end, i0 + block); ++i) s.row(j)[i] = std::as_const(s).row(i)[j];
-      }
-    }
-  }
-}
-
-void add(AssemblyReport& report, const TileFacts& facts) {
-  report.pairs_considered += facts.pairs_considered;
-  report.pairs_analytic += facts.pairs_analytic;
-  report.rays += facts.rays;
-  report.trace_seconds += facts.trace_seconds;
-  report.tile_variance.insert(report.tile_variance.end(), facts.variance.begin(), facts.variance.end());
-}
-
-/// S of all tiles, panel by panel when there is a store.
-void fill(FormFactorMatrix& s, TileMaker& maker, PanelStore* panels, AssemblyReport& report, ProgressSink& progress) {
-  constexpr std::uint32_t block = PatchTable::block;
-  const std::uint32_t n = s.size(), blocks = (n + block - 1) / block;
-  const std::uint32_t rows = panels != nullptr ? panels->rows_per_panel() : std::max(1U, blocks) * block;
-  const TileSink sink = [&](std::size_t r, std::size_t c, std::span<const float> tile) { store(s, r, c, tile); };
-  progress.begin("form factors", tiles_in_rows(0, blocks, blocks));
-  for (std::uint32_t panel = 0; std::uint64_t{panel} * rows < n; ++panel) {
-    const std::uint32_t first = panel * rows / block, end = std::min(blocks, (panel + 1) * rows / block);
-    if (panels != nullptr && panels->has(panel)) {
-      add(report, panels->load(panel, s));
-      mirror(s, panel * rows, std::min(n, (panel + 1) * rows));
-      progress.advance(tiles_in_rows(first, end, blocks));
-      ++report.panels_reused;
-      continue;
-    }
-    const TileFacts facts = maker.make(first, end, sink, progress);
-    if (panels != nullptr) panels->save(panel, s, facts);
-    add(report, facts);
-  }
-  progress.end();
 }
 
 /// "lamp 12, table/leg 4, door 2, ...": how many of the patches lie on each object (the group where all objects have
@@ -189,7 +132,7 @@ Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& 
               const AssemblyOptions& options, const ExchangeProduct& product, AssemblyReport& report) {
   const std::size_t n = mesh.size();
   const HemisphereShares shares = look_around(patches, blockers.visibility(), blockers.two_sided(), options.seed);
-  const std::vector<double> area(patches.area.begin(), patches.area.begin() + static_cast<std::ptrdiff_t>(n));
+  const std::vector<double>& area = mesh.area;
   report.row_sum = row_sums_of(product, area, std::vector<double>(n, 1.0));
   std::vector<bool> takes_part(n);
   for (std::uint32_t i = 0; i < n; ++i) {
@@ -200,6 +143,13 @@ Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& 
   report.back_fraction = HemisphereShares::mean(patches, shares.back, takes_part);
   report.closed_scene =
       std::count(takes_part.begin(), takes_part.end(), true) > 0 && report.escape_fraction < closed_below;
+
+  // A tile's variance is taken as spread evenly over its rows: too little for single ones, whence the floor.
+  const double eps = 0.5 / std::sqrt(static_cast<double>(options.budget.rays_per_factor));
+  const std::vector<double> errors = row_errors(report.tile_variance, area, eps);
+  report.certificate = certify(
+      mesh, patches,
+      {report.row_sum, errors, takes_part, shares.escape, shares.back, hemisphere_rays(n), report.escape_fraction});
 
   const bool close = options.closure == Closure::on || (options.closure == Closure::automatic && report.closed_scene);
   for (std::uint32_t i = 0; i < n; ++i) {
@@ -233,6 +183,28 @@ void note_change(const PatchMesh& mesh, const Scaling& scaling, AssemblyReport& 
                   scaling.moved.size(), 100 * moved_much, 100 * scaling.max_change, where(mesh, scaling.moved)));
 }
 
+namespace {
+
+/// What makes the tiles: Embree, or what the caller brings.
+class Makers {
+ public:
+  Makers(const AssemblyOptions& options, const PatchTable& patches, const Blockers& blockers)
+      : embree_(patches, blockers, options.budget, options.seed),
+        other_(options.maker ? options.maker(patches, blockers) : nullptr) {}
+  [[nodiscard]] TileMaker& maker() { return other_ ? *other_ : embree_; }
+
+ private:
+  EmbreeTiles embree_;
+  std::unique_ptr<TileMaker> other_;
+};
+
+std::uint64_t all_tiles(std::uint32_t n) {
+  const std::uint64_t blocks = (n + PatchTable::block - 1) / PatchTable::block;
+  return tiles_in_rows(0, blocks, blocks);
+}
+
+}  // namespace
+
 FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink* progress) {
   const Timer timer;
   ProgressSink silent;
@@ -245,16 +217,54 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
   const Blockers blockers(mesh, patches);
   const auto n = static_cast<std::uint32_t>(mesh.size());
   out.matrix = FormFactorMatrix(n);
-  EmbreeTiles embree(patches, blockers, options.budget, options.seed);
-  std::unique_ptr<TileMaker> other = options.maker ? options.maker(patches, blockers) : nullptr;
-  fill(out.matrix, other ? *other : embree, options.panels, report, sink);
+  Makers makers(options, patches, blockers);
+  sink.begin("form factors", all_tiles(n));
+  fill(out.matrix, makers.maker(), options.panels, report, sink);
+  sink.end();
 
   Scaling scaling = judge(mesh, patches, blockers, options, exchange_product(out.matrix), report);
-  make_form_factors(out.matrix, patches.area, scaling);
+  make_form_factors(out.matrix, mesh.area, scaling);
   note_change(mesh, scaling, report);
   report.scaling = std::move(scaling.d);
   report.seconds = timer.seconds();
   return out;
+}
+
+std::uint64_t assembly_memory(std::uint64_t patches) {
+  return predicted_memory(patches, static_cast<std::uint64_t>(omp_get_max_threads()));
+}
+
+AssemblyReport assemble_into(PanelStore& panels, const PatchMesh& mesh, const AssemblyOptions& options,
+                             std::uint64_t memory, ProgressSink* progress) {
+  const Timer timer;
+  ProgressSink silent;
+  ProgressSink& sink = progress != nullptr ? *progress : silent;
+  const auto n = static_cast<std::uint32_t>(mesh.size());
+  const std::uint64_t limit = options.memory_limit != 0 ? options.memory_limit : available_memory();
+  const std::uint64_t others = assembly_memory(n) - FormFactorMatrix::predicted_bytes(n);
+  if (others + memory > limit) {
+    throw Error(ErrorKind::limit,
+                fmt::format("{} for the form factors and {} beside them are needed, and {} may be used: use a smaller "
+                            "--memory",
+                            in_units(memory), in_units(others), in_units(limit)));
+  }
+
+  AssemblyReport report;
+  const PatchTable patches(mesh);
+  const Blockers blockers(mesh, patches);
+  Makers makers(options, patches, blockers);
+  sink.begin("form factors", all_tiles(n));
+  fill_store(n, makers.maker(), panels, memory, report, sink);
+  sink.end();
+
+  const StoredPanels stored(panels, n);
+  PanelStream stream(stored, memory);
+  Scaling scaling = judge(mesh, patches, blockers, options, exchange_product(stream), report);
+  scaling.max_change = largest_change(stream, scaling.d);
+  note_change(mesh, scaling, report);
+  report.scaling = std::move(scaling.d);
+  report.seconds = timer.seconds();
+  return report;
 }
 
 }  // namespace interflect

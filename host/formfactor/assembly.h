@@ -8,8 +8,10 @@
 
 #include "interflect/base/progress.h"
 #include "interflect/formfactor/blockers.h"
+#include "interflect/formfactor/certificate.h"
 #include "interflect/formfactor/closure.h"
 #include "interflect/formfactor/form_factor_matrix.h"
+#include "interflect/formfactor/form_factor_rows.h"
 #include "interflect/formfactor/pair_tile.h"
 #include "interflect/formfactor/panel_store.h"
 #include "interflect/formfactor/tile_maker.h"
@@ -57,6 +59,7 @@ struct AssemblyReport {
   std::vector<double> scaling;         ///< d of the closure: F_ij = S_ij (d_i / A_i) d_j
   std::vector<float> tile_variance;    ///< TileFacts::variance of all tile rows
   std::uint32_t panels_reused = 0;     ///< that the store had
+  Certificate certificate;             ///< the worst rows and why; not made where F came whole from elsewhere
   std::vector<std::string> warnings;
   std::uint64_t pairs_considered = 0;  ///< i < j that face each other, at least in part
   std::uint64_t pairs_analytic = 0;    ///< of them by the contour form
@@ -79,6 +82,16 @@ struct FormFactors {
 [[nodiscard]] FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options = {},
                                    ProgressSink* progress = nullptr);
 
+/// The bytes that assemble() takes for so many patches, on the threads that OpenMP has.
+[[nodiscard]] std::uint64_t assembly_memory(std::uint64_t patches);
+
+/// The same for a matrix that need not fit the memory: S lies in the store alone, d in the report's scaling (see
+/// StreamedMatrix). `memory` bytes are for rows of S; options.memory_limit is for everything. Panels and report are the
+/// same to the bit as with assemble() and that store; F is not made. Throws a limit Error where two panels of the store
+/// do not fit.
+[[nodiscard]] AssemblyReport assemble_into(PanelStore& panels, const PatchMesh& mesh, const AssemblyOptions& options,
+                                           std::uint64_t memory, ProgressSink* progress = nullptr);
+
 /// What follows once S is known, wherever it lies: judges whether the scene is closed, finds d, and reports. The caller
 /// makes F of S and d, and then calls note_change(). `report` has the facts of the tiles already.
 [[nodiscard]] Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& blockers,
@@ -86,12 +99,17 @@ struct FormFactors {
 /// Notes how far the scaling moved the factors, when Scaling::max_change is known.
 void note_change(const PatchMesh& mesh, const Scaling& scaling, AssemblyReport& report);
 
-/// F between groups of patches: factors[a][b] = Σ_{i∈a} Σ_{j∈b} A_i F_ij / Σ_{i∈a} A_i.
+/// F between groups of patches: factors[a][b] = Σ_{i∈a} Σ_{j∈b} A_i F_ij / Σ_{i∈a} A_i. Groups of obstructions have no
+/// row and no column.
 struct GroupFactors {
   std::vector<std::string> groups;
   std::vector<double> areas;
   std::vector<std::vector<double>> factors;
+  std::vector<double> sky;                 ///< per group: what goes to no patch at all, 1 − Σ_j F_ij, at least 0
+  std::vector<std::string> left_out = {};  ///< the groups of obstructions
 };
+[[nodiscard]] GroupFactors between(const FormFactorRows& f, const std::vector<double>& area,
+                                   const std::vector<std::uint32_t>& surface, const Grouping& grouping);
 [[nodiscard]] GroupFactors between(const FormFactorMatrix& f, const PatchMesh& mesh, const Grouping& grouping);
 
 }  // namespace interflect

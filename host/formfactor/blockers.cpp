@@ -109,28 +109,31 @@ Shaft::Shaft(const Box& a, const Box& b, double gap) : around{min(a.low, b.low),
 Blockers::Shape Blockers::shape(const PatchMesh& mesh, const PatchTable& patches) {
   Shape out;
   for (const Vec3 p : mesh.vertices) out.vertices.push_back(p - patches.centre);
+  std::vector<Indices> triangles;
+  std::vector<bool> two_sided;
   std::vector<std::uint32_t> source;
   std::map<Indices, std::size_t> seen;
   for (std::size_t i = 0; i < mesh.size(); ++i) {
     const Indices& corners = mesh.corners[i];
     const auto opposite = seen.find(turned({corners[0], corners[2], corners[1]}));
     if (opposite != seen.end()) {
-      out.two_sided[opposite->second] = true;
+      two_sided[opposite->second] = true;
       continue;
     }
-    seen.emplace(turned(corners), out.triangles.size());
-    out.triangles.push_back(corners);
-    out.two_sided.push_back(false);
+    seen.emplace(turned(corners), triangles.size());
+    triangles.push_back(corners);
+    two_sided.push_back(false);
     source.push_back(mesh.source[i]);
   }
   for (std::size_t first = 0, end = 0; first < source.size(); first = end) {
-    while (end < source.size() && source[end] == source[first]) ++end;
-    const std::span tiles(out.triangles.data() + first, end - first);
+    while (end < source.size() && source[end] == source[first] && two_sided[end] == two_sided[first]) ++end;
+    const std::span tiles(triangles.data() + first, end - first);
     if (const auto whole = tiled(out.vertices, tiles)) {
-      out.coarse.push_back(*whole);
+      out.triangles.push_back(*whole);
     } else {
-      out.coarse.insert(out.coarse.end(), tiles.begin(), tiles.end());
+      out.triangles.insert(out.triangles.end(), tiles.begin(), tiles.end());
     }
+    out.two_sided.resize(out.triangles.size(), two_sided[first]);
   }
   return out;
 }
@@ -138,14 +141,14 @@ Blockers::Shape Blockers::shape(const PatchMesh& mesh, const PatchTable& patches
 Blockers::Blockers(const PatchMesh& mesh, const PatchTable& patches) : Blockers(shape(mesh, patches)) {}
 
 Blockers::Blockers(std::vector<Vec3> vertices, std::vector<std::array<std::uint32_t, 3>> triangles)
-    : Blockers(Shape{std::move(vertices), triangles, std::vector<bool>(triangles.size()), std::move(triangles)}) {}
+    : Blockers(Shape{std::move(vertices), triangles, std::vector<bool>(triangles.size())}) {}
 
 Blockers::Blockers(Shape shape) : shape_(std::move(shape)), visibility_(shape_.vertices, shape_.triangles) {
-  for (std::size_t first = 0; first < shape_.coarse.size(); first += cluster) {
-    const Vec3 start = shape_.vertices[shape_.coarse[first][0]];
+  for (std::size_t first = 0; first < shape_.triangles.size(); first += cluster) {
+    const Vec3 start = shape_.vertices[shape_.triangles[first][0]];
     Box box{start, start};
-    for (std::size_t t = first; t < std::min(first + cluster, shape_.coarse.size()); ++t) {
-      for (const std::uint32_t v : shape_.coarse[t]) {
+    for (std::size_t t = first; t < std::min(first + cluster, shape_.triangles.size()); ++t) {
+      for (const std::uint32_t v : shape_.triangles[t]) {
         box = {min(box.low, shape_.vertices[v]), max(box.high, shape_.vertices[v])};
       }
     }
@@ -157,9 +160,9 @@ bool Blockers::cluster_in(const Shaft& shaft, std::size_t c) const {
   const Box& box = clusters_[c];
   if (disjoint(box, shaft.around, shaft.slack)) return false;
   if (outside(shaft, [&](Vec3 n) { return farthest_along(box, n); })) return false;
-  for (std::size_t t = c * cluster; t < std::min((c + 1) * cluster, shape_.coarse.size()); ++t) {
-    const Vec3 p = shape_.vertices[shape_.coarse[t][0]], q = shape_.vertices[shape_.coarse[t][1]],
-               r = shape_.vertices[shape_.coarse[t][2]];
+  for (std::size_t t = c * cluster; t < std::min((c + 1) * cluster, shape_.triangles.size()); ++t) {
+    const Vec3 p = shape_.vertices[shape_.triangles[t][0]], q = shape_.vertices[shape_.triangles[t][1]],
+               r = shape_.vertices[shape_.triangles[t][2]];
     if (disjoint({min(p, min(q, r)), max(p, max(q, r))}, shaft.around, shaft.slack)) continue;
     if (!outside(shaft, [&](Vec3 n) { return std::max({dot(n, p), dot(n, q), dot(n, r)}); })) return true;
   }

@@ -31,8 +31,8 @@ struct Shaft {
   Shaft(const Box& a, const Box& b, double slack);
 };
 
-/// What can hide one patch from another. The two sides of a two-sided patch are one triangle here. For the question
-/// whether a shaft is empty the patches that tile one source triangle are one as well.
+/// What can hide one patch from another. The two sides of a two-sided patch are one triangle here, and so are the
+/// patches that tile one source triangle: fewer triangles, and no cracks where patches of different sizes meet in it.
 class Blockers {
  public:
   /// Of all patches of a mesh, in the coordinates of its table.
@@ -55,8 +55,7 @@ class Blockers {
   struct Shape {
     std::vector<Vec3> vertices;
     std::vector<std::array<std::uint32_t, 3>> triangles;
-    std::vector<bool> two_sided;
-    std::vector<std::array<std::uint32_t, 3>> coarse;  ///< the same surfaces in fewer triangles
+    std::vector<bool> two_sided;  ///< per triangle
   };
   static Shape shape(const PatchMesh& mesh, const PatchTable& patches);
   explicit Blockers(Shape shape);

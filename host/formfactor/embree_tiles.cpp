@@ -1,5 +1,7 @@
 #include "interflect/formfactor/embree_tiles.h"
 
+#include <omp.h>
+
 #include <array>
 #include <atomic>
 #include <exception>
@@ -29,10 +31,14 @@ TileFacts EmbreeTiles::make(std::size_t first, std::size_t end, const TileSink& 
   TileFacts facts;
   facts.variance.assign(all, 0.0F);
   std::uint64_t considered = 0, analytic = 0, rays = 0;
+  double tracing = 0;
+  int threads = 1;
   std::exception_ptr failure;
   std::atomic<bool> failed = false;
-#pragma omp parallel reduction(+ : considered, analytic, rays)
+#pragma omp parallel reduction(+ : considered, analytic, rays, tracing)
   {
+#pragma omp single nowait
+    threads = omp_get_num_threads();
     const auto guard = [&](const auto& work) {  // no exception may leave the region
       try {
         work();
@@ -52,6 +58,7 @@ TileFacts EmbreeTiles::make(std::size_t first, std::size_t end, const TileSink& 
         if (tile->compute(r, c)) {
           for (std::size_t p = 0; p < pairs; ++p) s[p] = static_cast<float>(tile->s(p / 32, p % 32));
           sink(r, c, s);
+          facts.variance[k] = static_cast<float>(tile->variance());
         }
         progress.advance(1);
       });
@@ -60,12 +67,14 @@ TileFacts EmbreeTiles::make(std::size_t first, std::size_t end, const TileSink& 
       considered += tile->considered();
       analytic += tile->analytic();
       rays += tile->rays();
+      tracing += tile->trace_seconds();
     }
   }
   if (failure) std::rethrow_exception(failure);
   facts.pairs_considered = considered;
   facts.pairs_analytic = analytic;
   facts.rays = rays;
+  facts.trace_seconds = tracing / threads;
   return facts;
 }
 

@@ -36,6 +36,10 @@ std::uint64_t FormFactorMatrix::predicted_bytes(std::uint64_t n) {
   return n * padded(n) * sizeof(float);
 }
 
+std::uint32_t FormFactorMatrix::stride_of(std::uint32_t n) {
+  return static_cast<std::uint32_t>(padded(n));
+}
+
 std::uint64_t FormFactorMatrix::default_panel_bytes() {
   const char* forced = std::getenv("INTERFLECT_MAX_PANEL_BYTES");
   if (forced == nullptr) return std::uint64_t{1} << 30;
@@ -49,13 +53,21 @@ std::uint64_t FormFactorMatrix::default_panel_bytes() {
 }
 
 FormFactorMatrix::FormFactorMatrix(std::uint32_t n, std::uint64_t max_panel_bytes)
-    : n_(n), stride_(static_cast<std::uint32_t>(padded(n))) {
+    : FormFactorMatrix(n, 0, n, max_panel_bytes) {}
+
+FormFactorMatrix FormFactorMatrix::rows_only(std::uint32_t n, std::uint32_t first, std::uint32_t end) {
+  return {n, first, end, default_panel_bytes()};
+}
+
+FormFactorMatrix::FormFactorMatrix(std::uint32_t n, std::uint32_t first, std::uint32_t end,
+                                   std::uint64_t max_panel_bytes)
+    : n_(n), first_(first), end_(end), stride_(stride_of(n)) {
   const std::uint64_t row_bytes = std::uint64_t{stride_} * sizeof(float);
   const std::uint64_t fitting = row_bytes == 0 ? 1 : std::max<std::uint64_t>(1, max_panel_bytes / row_bytes);
-  rows_per_panel_ = static_cast<std::uint32_t>(std::min<std::uint64_t>(fitting, std::max(1U, n)));
-  for (std::uint32_t first = 0; first < n; first += rows_per_panel_) {
-    const std::uint32_t rows = std::min(rows_per_panel_, n - first);
-    panels_.push_back({first, rows, std::make_shared<PageBuffer>(rows * row_bytes)});
+  rows_per_panel_ = static_cast<std::uint32_t>(std::min<std::uint64_t>(fitting, std::max(1U, end - first)));
+  for (std::uint32_t at = first; at < end; at += rows_per_panel_) {
+    const std::uint32_t rows = std::min(rows_per_panel_, end - at);
+    panels_.push_back({at, rows, std::make_shared<PageBuffer>(rows * row_bytes)});
   }
 }
 
@@ -66,7 +78,7 @@ std::uint64_t FormFactorMatrix::bytes() const {
 }
 
 std::span<const float> FormFactorMatrix::row(std::uint32_t i) const {
-  const Panel& panel = panels_[i / rows_per_panel_];
+  const Panel& panel = panels_[(i - first_) / rows_per_panel_];
   const auto* elements = reinterpret_cast<const float*>(panel.data->data());
   return {elements + std::size_t{i - panel.first} * stride_, n_};
 }

@@ -26,11 +26,16 @@ class FormFactorMatrix {
   /// Allocates zeroed panels for n patches, none larger than max_panel_bytes (but at least one row each).
   /// Throws a limit Error when the system refuses the memory.
   explicit FormFactorMatrix(std::uint32_t n, std::uint64_t max_panel_bytes = default_panel_bytes());
+  /// Only the rows [first, end) of such a matrix, for whoever makes or keeps one part by part: size() is n, and no
+  /// other row may be asked for.
+  [[nodiscard]] static FormFactorMatrix rows_only(std::uint32_t n, std::uint32_t first, std::uint32_t end);
 
   [[nodiscard]] std::uint32_t size() const { return n_; }
   [[nodiscard]] std::uint32_t stride() const { return stride_; }  ///< elements from one row to the next
   [[nodiscard]] Storage storage() const { return Storage::dense32; }
   [[nodiscard]] const std::vector<Panel>& panels() const { return panels_; }
+  [[nodiscard]] std::uint32_t first_row() const { return first_; }  ///< 0 but for rows_only()
+  [[nodiscard]] std::uint32_t end_row() const { return end_; }      ///< n but for rows_only()
   [[nodiscard]] std::uint64_t bytes() const;
   /// Share of the n² elements that are not zero.
   [[nodiscard]] double nonzero_fraction() const;
@@ -44,11 +49,15 @@ class FormFactorMatrix {
 
   /// The bytes that a matrix of n patches will take, before it is made.
   [[nodiscard]] static std::uint64_t predicted_bytes(std::uint64_t n);
+  [[nodiscard]] static std::uint32_t stride_of(std::uint32_t n);
   /// 1 GiB, or INTERFLECT_MAX_PANEL_BYTES when set (so that tests can force many small panels).
   [[nodiscard]] static std::uint64_t default_panel_bytes();
 
  private:
+  FormFactorMatrix(std::uint32_t n, std::uint32_t first, std::uint32_t end, std::uint64_t max_panel_bytes);
+
   std::uint32_t n_ = 0;
+  std::uint32_t first_ = 0, end_ = 0;
   std::uint32_t stride_ = 0;
   std::uint32_t rows_per_panel_ = 0;
   std::vector<Panel> panels_;

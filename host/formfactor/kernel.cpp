@@ -138,15 +138,7 @@ constexpr std::array<std::array<double, 3>, 6> six_points{{{d4a, d4a, 1 - 2 * d4
                                                            {1 - 2 * d4b, d4b, d4b}}};
 constexpr std::array<double, 6> six_weights{d4wa, d4wa, d4wa, d4wb, d4wb, d4wb};
 
-struct Sample {
-  Vec3 position;
-  double weight;
-};
-struct Samples {
-  std::array<Sample, 12> sample;
-  std::size_t size = 0;
-  Vec3 normal;
-};
+}  // namespace
 
 Samples samples(const Polygon& a, int points) {
   Samples out;
@@ -168,8 +160,6 @@ Samples samples(const Polygon& a, int points) {
   out.normal = normalized(out.normal);
   return out;
 }
-
-}  // namespace
 
 double area(const Polygon& a) {
   Vec3 twice{};
@@ -237,7 +227,10 @@ double contour(const Polygon& a, const Polygon& b) {
 }
 
 double quadrature(const Polygon& a, const Polygon& b, int points) {
-  const Samples x = samples(a, points), y = samples(b, points);
+  return quadrature(samples(a, points), samples(b, points));
+}
+
+double quadrature(const Samples& x, const Samples& y) {
   double sum = 0;
   for (std::size_t k = 0; k < x.size; ++k) {
     double inner = 0;

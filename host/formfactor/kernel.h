@@ -45,6 +45,19 @@ struct Plane {
 /// both polygons must lie in front of each other.
 [[nodiscard]] double contour(const Polygon& a, const Polygon& b);
 
+/// The points of a quadrature over a polygon, with their shares of its area.
+struct Samples {
+  struct Sample {
+    Vec3 position;
+    double weight;
+  };
+  std::array<Sample, 12> sample;
+  std::size_t size = 0;
+  Vec3 normal;
+};
+[[nodiscard]] Samples samples(const Polygon& a, int points);
+[[nodiscard]] double quadrature(const Samples& a, const Samples& b);
+
 /// S by quadrature over both areas: `points` per triangle of the fan, 3 (degree 2) or 6 (degree 4).
 [[nodiscard]] double quadrature(const Polygon& a, const Polygon& b, int points);
 

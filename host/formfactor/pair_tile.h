@@ -3,7 +3,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -12,6 +11,7 @@
 #include "interflect/formfactor/kernel.h"
 #include "interflect/formfactor/patch_table.h"
 #include "interflect/formfactor/sampling.h"
+#include "interflect/formfactor/shadow_rays.h"
 #include "interflect/formfactor/simd.h"
 #include "interflect/formfactor/visibility.h"
 
@@ -28,55 +28,77 @@ class PairTile {
   [[nodiscard]] bool compute(std::size_t rows, std::size_t columns);
   /// S of the a-th patch of the row block with the b-th of the column block.
   [[nodiscard]] double s(std::size_t a, std::size_t b) const { return s_[a * block + b]; }
+  /// Σ σ²(S_ij) / (A_i A_j) over the pairs of the last tile: what rays and quadrature are expected to leave of S.
+  /// σ²(F_ij) is a term times A_j / A_i. With V the visible share of the pair's exchange, p the share of its n rays
+  /// that ended early (by weight; n = (Σ w)² / Σ w²) and S what it would be unoccluded:
+  ///   σ²(S_ij) = S² σ²(V) + S² (RayBudget::three_points_error or six_points_error)²
+  ///   σ²(V)    = p (1 − p) / (n − 1)                    from two rays on: unbiased for random rays
+  ///            = Σ (p' − p)² / (2 m n)                  one ray: over the m <= 4 pairs beside it in the tile that have
+  ///                                                     rays, p' after their first ones; 1 / 6 where m = 0
+  ///            = Σ_k s_k² σ²(V_k) / (Σ_k s_k)²          a cut pair; a piece with one ray counts V (1 − V) of the pair
+  /// and 0 where the shaft is empty. Rays are stratified, so that the true error is mostly somewhat less.
+  [[nodiscard]] double variance() const { return static_cast<double>(variance_); }
 
   // Counted since construction.
   [[nodiscard]] std::uint64_t considered() const { return considered_; }
   [[nodiscard]] std::uint64_t analytic() const { return analytic_; }
   [[nodiscard]] std::uint64_t rays() const { return rays_; }
+  /// Seconds that this worker spent inside Embree.
+  [[nodiscard]] double trace_seconds() const { return trace_seconds_; }
 
  private:
   /// Rays are counted into slots: 0 .. block² − 1 are the pairs, those behind are pieces of pairs that were cut, in
   /// the order of the pairs.
   struct Slot {
-    float hidden = 0, total = 0;
+    float hidden = 0, total = 0;  ///< Σ w
+    float squares = 0;            ///< Σ w²
+    [[nodiscard]] float hidden_share() const { return total > 0 ? hidden / total : 0; }
   };
   /// A pair whose V is the mean over the slots [first, first + s.size()) weighted by s.
   struct CutPair {
     std::size_t pair, first;
     std::vector<double> s;
   };
-
-  void find_kinds(std::size_t rows, std::size_t columns);
-  void finish_kind(std::size_t pair, std::size_t i, std::size_t j);
-  void load_facets();
-  [[nodiscard]] bool anything_between(std::size_t rows, std::size_t columns);
-  void trace_pilot();
-  void trace_mixed();
-  void trace_cut(std::size_t pair);
-  /// What the rays of a pair, or of a piece of it, run between and are counted into.
-  struct Stream {
-    const sampling::Facet &a, &b;
-    sampling::Square from, to;
-    std::size_t slot;
-    bool weighted;
+  /// The parts of two patches in front of each other's planes.
+  struct Parts {
+    sampling::Facet a, b;
   };
-  [[nodiscard]] Stream stream(const sampling::Facet& a, const sampling::Facet& b, std::size_t pair, std::size_t slot,
-                              std::uint32_t piece, bool weighted) const;
-  void add_rays(const Stream& stream, std::uint32_t first, std::uint32_t count);
+
+  // pair_tile.cpp: which pairs there are, and S without occlusion
+  void find_kinds(std::size_t rows, std::size_t columns);
+  void finish_kind(std::size_t pair);
+  [[nodiscard]] const kernel::Samples& six_points(kernel::Samples& kept, std::size_t patch) const;
+  [[nodiscard]] bool anything_between(std::size_t rows, std::size_t columns);
+  void hide();
+
+  // pair_rays.cpp: what is hidden of them
+  void load_facets();
+  void find_factors();
+  void trace_pilot();
+  [[nodiscard]] bool trace_mixed();
+  void trace_cut(std::size_t pair);
+  void add_rays(const RayStream& stream, std::uint32_t first, std::uint32_t count);
   void add_rays_of_pair(std::size_t pair, std::uint32_t first, std::uint32_t count);
   void flush();
   [[nodiscard]] bool disagrees(std::size_t pair) const;
-  [[nodiscard]] double hidden_share(std::size_t pair) const {
-    return slots_[pair].total > 0 ? static_cast<double>(slots_[pair].hidden / slots_[pair].total) : 0;
-  }
+  [[nodiscard]] std::uint32_t pilot_rays(float factor) const;
+  [[nodiscard]] std::uint32_t all_rays(float factor) const;
+
+  // pair_error.cpp
+  void add_quadrature_variance();
+  void add_ray_variance();
+  [[nodiscard]] static float variance_of(const Slot& slot, float spread);
+  [[nodiscard]] float variance_of_cut(const CutPair& cut) const;
+  [[nodiscard]] float spread_beside(std::size_t pair) const;
+  /// S² / (A_i A_j) without occlusion.
+  [[nodiscard]] float squared_factor(std::size_t pair) const;
+
   [[nodiscard]] std::size_t row_patch(std::size_t pair) const { return first_row_ + pair / block; }
   [[nodiscard]] std::size_t column_patch(std::size_t pair) const { return first_column_ + pair % block; }
   [[nodiscard]] kernel::Polygon whole(std::size_t patch) const { return kernel::Polygon(patches_.triangle(patch)); }
   [[nodiscard]] kernel::Polygon part_in_front(std::size_t patch, std::size_t other) const {
     return kernel::clip(patches_.triangle(patch), patches_.plane(other));
   }
-  [[nodiscard]] std::uint32_t pilot_rays(float factor) const;
-  [[nodiscard]] std::uint32_t all_rays(float factor) const;
 
   const PatchTable& patches_;
   const Blockers& blockers_;
@@ -88,16 +110,21 @@ class PairTile {
   std::size_t first_row_ = 0, first_column_ = 0;
   std::array<sampling::Facet, block> row_facet_, column_facet_;
   std::array<sampling::Square, block> row_word_, column_word_;
+  FacetBlock columns_;
+  std::array<kernel::Samples, block> row_points_, column_points_;  ///< 6 each, made when asked for: size 0 before
   std::vector<double> s_;
   std::vector<simd::PairKind> kind_;
-  std::vector<float> factor_;         ///< S / min(A_i, A_j), the larger of the pair's form factors
-  std::vector<std::uint32_t> pilot_;  ///< rays that the pair gets first
-  std::vector<double> hidden_;        ///< share of them that ended early
+  std::vector<std::uint16_t> there_;     ///< the pairs whose kind is not none
+  std::vector<float> factor_;            ///< S / min(A_i, A_j), the larger of the pair's form factors
+  std::vector<std::uint32_t> pilot_;     ///< rays that the pair gets first
+  std::vector<float> hidden_;            ///< share of them that ended early
+  std::vector<std::uint16_t> parts_of_;  ///< a straddling pair's place in parts_
+  std::vector<Parts> parts_;
   std::vector<Slot> slots_;
   std::vector<CutPair> cut_;
-  std::vector<Visibility::Ray> pending_;
-  std::vector<std::pair<std::uint32_t, float>> pending_slot_;  ///< slot and weight of each pending ray
-  std::unique_ptr<bool[]> occluded_;
+  ShadowRays pending_;
+  float variance_ = 0;
+  double trace_seconds_ = 0;
   std::uint64_t considered_ = 0, analytic_ = 0, rays_ = 0;
 };
 

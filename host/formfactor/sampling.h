@@ -1,7 +1,7 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdint>
 
 #include "interflect/formfactor/kernel.h"
@@ -119,10 +119,10 @@ struct ShadowRay {
   const Float3 between = y - x;
   const float above_a = dot(a.normal, between), above_b = -dot(b.normal, between);
   if (!(above_a > 0 && above_b > 0)) return {};
-  const Float3 origin = x + std::fmin(lift, 0.25F * above_a) * a.normal;
-  const Float3 end = y + std::fmin(lift, 0.25F * above_b) * b.normal;
-  const float r2 = dot(between, between);
-  return {origin, end - origin, (above_a / r2) * (above_b / r2)};
+  const Float3 origin = x + std::min(lift, 0.25F * above_a) * a.normal;
+  const Float3 end = y + std::min(lift, 0.25F * above_b) * b.normal;
+  const float inverse = 1 / dot(between, between);
+  return {origin, end - origin, (above_a * inverse) * (above_b * inverse)};
 }
 
 }  // namespace interflect::sampling

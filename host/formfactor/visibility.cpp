@@ -124,4 +124,24 @@ void Visibility::occluded(std::span<const Ray> rays, std::span<bool> occluded) c
   }
 }
 
+void Visibility::occluded(ShadowRays& rays) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  std::fill_n(rays.far.begin(), rays.size, 1.0F);
+  for (std::size_t first = 0; first < rays.size; first += stream) {
+    RTCRayNp batch{};  // time, mask, id and flags stay null: not used
+    batch.org_x = rays.origin[0].data() + first;
+    batch.org_y = rays.origin[1].data() + first;
+    batch.org_z = rays.origin[2].data() + first;
+    batch.dir_x = rays.direction[0].data() + first;
+    batch.dir_y = rays.direction[1].data() + first;
+    batch.dir_z = rays.direction[2].data() + first;
+    batch.tnear = rays.near.data() + first;
+    batch.tfar = rays.far.data() + first;
+    rtcOccludedNp(impl_->scene.get(), &context, &batch,
+                  static_cast<unsigned>(std::min<std::size_t>(stream, rays.size - first)));
+  }
+}
+
 }  // namespace interflect

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "interflect/base/vec3.h"
+#include "interflect/formfactor/shadow_rays.h"
 
 namespace interflect {
 
@@ -38,6 +39,8 @@ class Visibility {
   /// occluded[k] = whether anything lies on rays[k] between near and far. Fastest in streams of about 1,000 rays,
   /// sorted so that neighbours start and end near each other.
   void occluded(std::span<const Ray> rays, std::span<bool> occluded) const;
+  /// The same for rays[0 .. size): sets far.
+  void occluded(ShadowRays& rays) const;
 
  private:
   struct Impl;

@@ -27,4 +27,7 @@ inline float finite_float(double value) {
 /// A name as a field of a line: control characters become spaces, bytes that are not UTF-8 become U+FFFD.
 [[nodiscard]] std::string printable_name(std::string_view name);
 
+/// The start of a NumPy file (format version 1.0) of little-endian float32 in rows: `shape` as Python writes the tuple.
+[[nodiscard]] std::string npy_header(const std::string& shape);
+
 }  // namespace interflect

@@ -90,18 +90,21 @@ void write_csv(const Solution& solution, const std::filesystem::path& path) {
   file.commit();
 }
 
-void write_npy(const Solution& solution, const std::filesystem::path& path) {
-  check_solution(solution);
-  // NumPy format version 1.0: magic, version, length of the header, the header padded so that the data is 64-aligned.
-  std::string header =
-      fmt::format("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, 3), }}", solution.radiosity.size());
+std::string npy_header(const std::string& shape) {
+  // Magic, version, length of the header, the header padded so that the data is 64-aligned.
+  std::string header = fmt::format("{{'descr': '<f4', 'fortran_order': False, 'shape': {}, }}", shape);
   constexpr std::size_t before = 10, alignment = 64;
   const std::size_t unpadded = before + header.size() + 1;
   header.append((alignment - unpadded % alignment) % alignment, ' ');
   header += '\n';
   std::string bytes("\x93NUMPY\x01\x00", 8);
   append_little_endian(bytes, static_cast<std::uint16_t>(header.size()));
-  bytes += header;
+  return bytes + header;
+}
+
+void write_npy(const Solution& solution, const std::filesystem::path& path) {
+  check_solution(solution);
+  std::string bytes = npy_header(fmt::format("({}, 3)", solution.radiosity.size()));
   bytes.reserve(bytes.size() + 12 * solution.radiosity.size());
   for (const Rgb& b : solution.radiosity) {
     for (const double c : b) append_little_endian(bytes, static_cast<float>(c));

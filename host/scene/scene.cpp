@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cctype>
-#include <unordered_map>
+#include <map>
+#include <string_view>
+#include <utility>
 
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
@@ -30,11 +32,15 @@ const std::string& name_of(const Scene& scene, const Surface& surface, GroupBy b
 
 Grouping group_by(const Scene& scene, GroupBy by) {
   Grouping grouping;
-  std::unordered_map<std::string, std::uint32_t> index;
+  std::map<std::pair<bool, std::string_view>, std::uint32_t> index;  // an obstruction never joins other surfaces
   for (const Surface& surface : scene.surfaces) {
     const std::string& name = name_of(scene, surface, by);
-    const auto [entry, added] = index.try_emplace(name, static_cast<std::uint32_t>(grouping.names.size()));
-    if (added) grouping.names.push_back(name);
+    const auto [entry, added] =
+        index.try_emplace({surface.obstruction, name}, static_cast<std::uint32_t>(grouping.names.size()));
+    if (added) {
+      grouping.names.push_back(name);
+      grouping.obstruction.push_back(surface.obstruction);
+    }
     grouping.of_surface.push_back(entry->second);
   }
   return grouping;
@@ -55,12 +61,15 @@ Scene read_scene(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  if (extension != ".xml" && extension != ".obj" && extension != ".gltf" && extension != ".glb") {
-    throw input_error(path.string(), 0, fmt::format("'{}' is not a scene format (.xml, .obj, .gltf, .glb)", extension));
+  if (extension != ".xml" && extension != ".obj" && extension != ".gltf" && extension != ".glb" &&
+      extension != ".vs3") {
+    throw input_error(path.string(), 0,
+                      fmt::format("'{}' is not a scene format (.xml, .obj, .gltf, .glb, .vs3)", extension));
   }
   const std::string content = read_file(path);
   Scene scene = extension == ".xml"   ? read_rrv_xml(content, path)
                 : extension == ".obj" ? read_obj(content, path)
+                : extension == ".vs3" ? read_vs3(content, path)
                                       : read_gltf(content, path);
   scene.name = path.stem().string();
   scene.file = path.string();

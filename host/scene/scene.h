@@ -32,6 +32,7 @@ struct Surface {
   std::string object;
   std::string group;
   std::uint32_t material = 0;  ///< index into Scene::materials
+  bool obstruction = false;    ///< only in the way: tables of factors between groups leave it out
 };
 
 /// A triangle as read; its front is the side from which the vertices run counter-clockwise.
@@ -80,10 +81,12 @@ enum class GroupBy {
 struct Grouping {
   std::vector<std::string> names;
   std::vector<std::uint32_t> of_surface;
+  std::vector<bool> obstruction = {};  ///< per name: a group of obstructions alone; may be empty where there are none
 };
 [[nodiscard]] Grouping group_surfaces(const Scene& scene, GroupBy by = GroupBy::automatic);
 
-/// Reads a scene by the file's extension: .xml (rrv), .obj (Wavefront, with its MTL), .gltf, .glb (glTF 2.0).
+/// Reads a scene by the file's extension: .xml (rrv), .obj (Wavefront, with its MTL), .gltf, .glb (glTF 2.0), .vs3
+/// (NIST View3D).
 /// Every coordinate is finite and every index in range afterwards; reflectances are as the file says (see check_scene).
 /// Throws an input Error naming file, line or element and cause.
 [[nodiscard]] Scene read_scene(const std::filesystem::path& path);
@@ -109,6 +112,18 @@ struct Grouping {
 /// are left out. A comment line of our own gives the camera (fov: vertical, in degrees; up and fov may be missing):
 ///   #camera eye X Y Z target X Y Z up X Y Z fov DEGREES
 [[nodiscard]] Scene read_obj(const std::string& text, const std::filesystem::path& path);
+
+/// View3D's geometry in three dimensions: F 3 (vertices and surfaces) and F 3a (shapes in a plane each); F 2 is
+/// refused. Vertices and surfaces are numbered from 1 without a gap, obstructions last, as View3D wants them. A surface
+/// of four corners is convex and becomes two triangles; corners off a plane are warned of. The front is the side from
+/// which the vertices run counter-clockwise. What lies on a base surface (a subsurface, or a null surface, which leaves
+/// a hole) is cut out of it; a mask and what it covers see only each other and are left out with a warning. Reflectance
+/// is 1 - emittance, and a surface emits its emittance, as a black body of that temperature would emit 1: in a closed
+/// scene all radiosities are 1. Surface::object is the record's name (with "#NUMBER" where another surface has it
+/// already), Surface::group that of the surface with which it is combined: the groups, in the file's order, are
+/// View3D's rows. Obstructions (O) are two-sided, black, do not emit, and are one group apart. Control values are not
+/// used; those that would change View3D's answer are warned of. Unknown records are left out with a warning.
+[[nodiscard]] Scene read_vs3(const std::string& text, const std::filesystem::path& path);
 
 /// glTF 2.0, as JSON or GLB. The default scene (else the first, else all nodes without a parent) with its nodes'
 /// transformations; triangles, strips and fans; sparse and quantised accessors. Reflectance is baseColorFactor times

@@ -28,6 +28,27 @@ std::string_view without_plus(std::string_view number) {
 
 }  // namespace
 
+std::optional<double> finite_number(std::string_view word) {
+  const std::string_view text = without_plus(word);
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  // Too small for a double is 0; too large is not a number that we can work with.
+  const std::size_t exponent = word.find_first_of("eE");
+  const bool underflow =
+      error == std::errc::result_out_of_range && exponent != word.npos && word.find('-', exponent) != word.npos;
+  if (underflow) return 0;
+  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+std::optional<std::int64_t> whole_number(std::string_view word) {
+  const std::string_view text = without_plus(word);
+  std::int64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
 Statements::Statements(std::string_view text, std::string file) : text_(text), file_(std::move(file)) {
   if (text_.starts_with("\xef\xbb\xbf")) text_.remove_prefix(3);
   newline_ = text_.find('\n') == std::string_view::npos ? '\r' : '\n';  // lone carriage returns: a classic Mac's file
@@ -87,17 +108,9 @@ std::string_view Statements::word() {
 double Statements::number() {
   const std::string_view text = word();
   if (text.empty()) fail(fmt::format("'{}' needs more numbers", one_line(keyword_)));
-  const std::string_view unsigned_text = without_plus(text);
-  double value = 0;
-  const auto [end, error] = std::from_chars(unsigned_text.data(), unsigned_text.data() + unsigned_text.size(), value);
-  // Too small for a double is 0; too large is not a number that we can work with.
-  const bool underflow = error == std::errc::result_out_of_range && text.find_first_of("eE") != text.npos &&
-                         text.find('-', text.find_first_of("eE")) != text.npos;
-  if (underflow) return 0;
-  if (error != std::errc{} || end != unsigned_text.data() + unsigned_text.size() || !std::isfinite(value)) {
-    fail(fmt::format("'{}' is not a finite number", one_line(text)));
-  }
-  return value;
+  const auto value = finite_number(text);
+  if (!value) fail(fmt::format("'{}' is not a finite number", one_line(text)));
+  return *value;
 }
 
 std::optional<double> Statements::optional_number() {
@@ -108,13 +121,9 @@ std::optional<double> Statements::optional_number() {
 }
 
 std::int64_t Statements::integer(std::string_view digits) const {
-  std::int64_t value = 0;
-  const std::string_view text = without_plus(digits);
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) {
-    fail(fmt::format("'{}' is not a whole number in range", one_line(digits)));
-  }
-  return value;
+  const auto value = whole_number(digits);
+  if (!value) fail(fmt::format("'{}' is not a whole number in range", one_line(digits)));
+  return *value;
 }
 
 void Statements::fail(std::string_view cause) const {

@@ -8,6 +8,11 @@
 
 namespace interflect {
 
+/// The whole word as a finite decimal number ("1.", "+2e-3"; too small for a double is 0), or nothing.
+[[nodiscard]] std::optional<double> finite_number(std::string_view word);
+/// The whole word as a decimal whole number that fits into 64 bits, or nothing.
+[[nodiscard]] std::optional<std::int64_t> whole_number(std::string_view word);
+
 /// Goes through the statements of an OBJ or MTL text: a keyword and its words per line; "\" at the end of a line
 /// continues it, comments and empty lines are skipped (but see camera comments below). Keeps the line number, so that
 /// every complaint can name it. Why not tinyobjloader: it gives no line numbers, and it reads "nan", "1e999", "abc" and

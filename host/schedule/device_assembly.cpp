@@ -63,6 +63,8 @@ class DeviceAssembly::Impl {
     arguments_.split_from = budget.split_from;
     arguments_.three2 = budget.ratios.three_points * budget.ratios.three_points;
     arguments_.six2 = budget.ratios.six_points * budget.ratios.six_points;
+    arguments_.three_error2 = budget.three_points_error * budget.three_points_error;
+    arguments_.six_error2 = budget.six_points_error * budget.six_points_error;
     arguments_.lift = static_cast<float>(lift_of_extent * patches.extent);
     reserve();
     patches_ = uploaded<std::uint32_t>(device_patches(patches, seed));

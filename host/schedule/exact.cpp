@@ -7,9 +7,11 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <span>
 #include <vector>
 
 #include "interflect/base/error.h"
+#include "interflect/schedule/exact_rows.h"
 #include "interflect/schedule/scheduler.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -59,30 +61,61 @@ namespace interflect {
 
 HWY_EXPORT(multiply_rows);
 
-void exact_product(const FormFactorMatrix& form_factors, const Columns& x, std::vector<std::vector<double>>& y) {
+void exact_rows(const float* elements, std::uint32_t rows, std::size_t stride,
+                const std::vector<std::vector<double>>& x, std::uint32_t first, std::vector<std::vector<double>>& y) {
   constexpr std::uint32_t strip = 4;
-  const std::uint32_t n = form_factors.size();
-  const std::size_t length = form_factors.stride();  // rows are padded with zeros to it
-  std::vector<std::vector<double>> wide;
   std::vector<const double*> column;
-  for (const std::vector<float>& values : x) {
-    if (values.size() != n) throw Error(ErrorKind::internal, "exact product: a column of the wrong length");
-    wide.emplace_back(values.begin(), values.end()).resize(length);
-    column.push_back(wide.back().data());
-  }
-  y.assign(x.size(), std::vector<double>(n));
+  for (const std::vector<double>& values : x) column.push_back(values.data());
 #pragma omp parallel for schedule(static)
-  for (std::uint32_t first = 0; first < n; first += strip) {
-    const float* rows[strip];
-    for (std::uint32_t q = 0; q < strip; ++q) rows[q] = form_factors.row(std::min(first + q, n - 1)).data();
+  for (std::uint32_t r = 0; r < rows; r += strip) {
+    const float* of_strip[strip];
+    for (std::uint32_t q = 0; q < strip; ++q) of_strip[q] = elements + std::min(r + q, rows - 1) * stride;
     for (std::size_t c = 0; c < column.size(); c += 3) {
       const std::size_t count = std::min<std::size_t>(3, column.size() - c);
       double sums[strip][3];
-      HWY_DYNAMIC_DISPATCH(multiply_rows)(rows, column.data() + c, count, length, sums);
-      for (std::uint32_t q = 0; q < std::min(strip, n - first); ++q) {
-        for (std::size_t k = 0; k < count; ++k) y[c + k][first + q] = sums[q][k];
+      HWY_DYNAMIC_DISPATCH(multiply_rows)(of_strip, column.data() + c, count, stride, sums);
+      for (std::uint32_t q = 0; q < std::min(strip, rows - r); ++q) {
+        for (std::size_t k = 0; k < count; ++k) y[c + k][first + r + q] = sums[q][k];
       }
     }
+  }
+}
+
+namespace {
+
+/// The columns in double and with zeros up to the stride, multiplied by s where there is one.
+std::vector<std::vector<double>> widened(const Columns& x, std::size_t n, std::size_t stride,
+                                         std::span<const float> s = {}) {
+  std::vector<std::vector<double>> wide;
+  for (const std::vector<float>& values : x) {
+    if (values.size() != n) throw Error(ErrorKind::internal, "exact product: a column of the wrong length");
+    std::vector<double>& column = wide.emplace_back(values.begin(), values.end());
+    for (std::size_t i = 0; i < s.size(); ++i) column[i] *= static_cast<double>(s[i]);
+    column.resize(stride);
+  }
+  return wide;
+}
+
+}  // namespace
+
+void exact_product(const FormFactorMatrix& form_factors, const Columns& x, std::vector<std::vector<double>>& y) {
+  const std::size_t stride = form_factors.stride();
+  const auto wide = widened(x, form_factors.size(), stride);
+  y.assign(x.size(), std::vector<double>(form_factors.size()));
+  for (const Panel& panel : form_factors.panels()) {
+    exact_rows(reinterpret_cast<const float*>(panel.data->data()), panel.rows, stride, wide, panel.first, y);
+  }
+}
+
+void exact_product(const StreamedMatrix& form_factors, const Columns& x, std::vector<std::vector<double>>& y) {
+  const std::size_t stride = form_factors.stride();
+  const auto wide = widened(x, form_factors.size(), stride, form_factors.scale_in());
+  y.assign(x.size(), std::vector<double>(form_factors.size()));
+  form_factors.stream().pass([&](const PanelStream::View& view) {
+    exact_rows(reinterpret_cast<const float*>(view.memory->data()), view.rows, stride, wide, view.first, y);
+  });
+  for (std::vector<double>& column : y) {
+    for (std::size_t i = 0; i < column.size(); ++i) column[i] *= static_cast<double>(form_factors.scale_out()[i]);
   }
 }
 

@@ -70,25 +70,8 @@ class DenseProduct final : public Product {
 
   [[nodiscard]] std::uint64_t row_bytes() const { return std::uint64_t{form_factors_.stride()} * sizeof(float); }
 
-  /// The rows of the largest panel that the device's buffers and work-groups take: whole groups of rows if it can be.
-  [[nodiscard]] std::uint32_t rows_that_fit() const {
-    const DeviceInfo& info = device_.info();
-    const std::uint32_t n = form_factors_.size();
-    std::uint64_t rows = std::min<std::uint64_t>(n, std::uint64_t{info.max_groups} * group_);
-    if (info.max_buffer_bytes != 0) rows = std::min(rows, info.max_buffer_bytes / row_bytes());
-    if (rows < n && rows > group_) rows -= rows % group_;
-    return static_cast<std::uint32_t>(rows);
-  }
-
   void cut_panels() {
-    const DeviceInfo& info = device_.info();
-    const std::uint32_t most = rows_that_fit();
-    if (most == 0) {
-      throw Error(ErrorKind::limit,
-                  fmt::format("{}: one row of the form factors has {} bytes, the device's largest buffer {}; use fewer "
-                              "patches or another device",
-                              info.id, row_bytes(), info.max_buffer_bytes));
-    }
+    const std::uint32_t most = rows_of_a_launch(device_.info(), form_factors_.size(), form_factors_.stride(), group_);
     for (const interflect::Panel& panel : form_factors_.panels()) {
       std::unique_ptr<Buffer> shared = panel.rows <= most ? device_.share(panel.data) : nullptr;
       if (shared != nullptr) {
@@ -110,6 +93,20 @@ class DenseProduct final : public Product {
 };
 
 }  // namespace
+
+std::uint32_t rows_of_a_launch(const DeviceInfo& device, std::uint32_t n, std::uint32_t stride, std::uint32_t group) {
+  const std::uint64_t row_bytes = std::uint64_t{stride} * sizeof(float);
+  std::uint64_t rows = std::min<std::uint64_t>(n, std::uint64_t{device.max_groups} * group);
+  if (device.max_buffer_bytes != 0) rows = std::min(rows, device.max_buffer_bytes / row_bytes);
+  if (rows == 0) {
+    throw Error(ErrorKind::limit,
+                fmt::format("{}: one row of the form factors has {} bytes, the device's largest buffer {}; use fewer "
+                            "patches or another device",
+                            device.id, row_bytes, device.max_buffer_bytes));
+  }
+  if (rows < n && rows > group) rows -= rows % group;
+  return static_cast<std::uint32_t>(rows);
+}
 
 std::unique_ptr<Product> make_product(const FormFactorMatrix& form_factors, Device& device,
                                       const VectorArguments& shape, std::uint32_t groups) {

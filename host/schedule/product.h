@@ -11,6 +11,7 @@
 #include "interflect/device/kernel_arguments.h"
 #include "interflect/formfactor/form_factor_matrix.h"
 #include "interflect/formfactor/packed_matrix.h"
+#include "interflect/formfactor/streamed_matrix.h"
 #include "interflect/schedule/columns.h"
 #include "interflect/schedule/device_matrix.h"
 
@@ -73,11 +74,19 @@ class Product {
   double compile_seconds_ = 0;
 };
 
+/// The most rows of a panel of n columns that a launch of matvec takes on the device, by its largest buffer and its
+/// number of groups of `group` rows: whole groups where they do not all fit and there is one. Throws a limit Error
+/// where one row is too large.
+[[nodiscard]] std::uint32_t rows_of_a_launch(const DeviceInfo& device, std::uint32_t n, std::uint32_t stride,
+                                             std::uint32_t group);
+
 /// Plans where F's panels go, without allocating. Throws a limit Error where one row (strip, block) exceeds the
 /// device's largest buffer. The matrix must outlive the Product.
 [[nodiscard]] std::unique_ptr<Product> make_product(const FormFactorMatrix& form_factors, Device& device,
                                                     const VectorArguments& shape, std::uint32_t groups);
 [[nodiscard]] std::unique_ptr<Product> make_product(const PackedMatrix& form_factors, Device& device,
+                                                    const VectorArguments& shape, std::uint32_t groups);
+[[nodiscard]] std::unique_ptr<Product> make_product(const StreamedMatrix& form_factors, Device& device,
                                                     const VectorArguments& shape, std::uint32_t groups);
 
 /// F that lies on the device already.

@@ -84,6 +84,13 @@ Scheduler::Scheduler(DeviceFormFactors form_factors, std::uint32_t columns)
   place();
 }
 
+Scheduler::Scheduler(const StreamedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices,
+                     std::uint32_t columns)
+    : Scheduler(std::move(devices), form_factors.size(), columns) {
+  product_ = make_product(form_factors, *device_, arguments_, groups_);
+  place();
+}
+
 Scheduler::~Scheduler() = default;
 
 void Scheduler::place() {

@@ -13,6 +13,7 @@
 #include "interflect/device/kernel_arguments.h"
 #include "interflect/formfactor/form_factor_matrix.h"
 #include "interflect/formfactor/packed_matrix.h"
+#include "interflect/formfactor/streamed_matrix.h"
 #include "interflect/schedule/columns.h"
 
 namespace interflect {
@@ -23,6 +24,8 @@ namespace interflect {
 void exact_product(const FormFactorMatrix& form_factors, const Columns& x, std::vector<std::vector<double>>& y);
 /// The same for F as 16 bits have rounded it; x and y by patch.
 void exact_product(const PackedMatrix& form_factors, const Columns& x, std::vector<std::vector<double>>& y);
+/// The same for F over panels that need not be in memory: a pass over them. Throws what reading throws.
+void exact_product(const StreamedMatrix& form_factors, const Columns& x, std::vector<std::vector<double>>& y);
 
 class DeviceFormFactors;
 class Product;
@@ -59,6 +62,10 @@ class Scheduler {
   /// F where a device has assembled it: takes the device and F, places nothing. exact_product() then comes from the
   /// device too, to about 3e-11 of the sum of what was added.
   Scheduler(DeviceFormFactors form_factors, std::uint32_t columns);
+  /// The same for panels of S that need not be in memory: those that fit stay, where the device uses them (on a device
+  /// with memory of its own as many as fit both), the others stream through every product. apply() throws what reading
+  /// them throws.
+  Scheduler(const StreamedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
   ~Scheduler();

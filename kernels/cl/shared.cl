@@ -61,7 +61,20 @@
 #define STORE_REAL(value, to) vstore4(value, 0, to)
 #endif
 #define FILL_REAL(x) ((REAL)(x))
-#define ANY(lanes) any(lanes)
+#define ANY(lanes) any_lane(lanes)
+/// Whether any is true. (PoCL takes any() apart, lane by lane.)
+bool any_lane(LANES lanes) {
+#if PACKET == 16
+  const int8 eight = lanes.lo | lanes.hi;
+  const int4 four = eight.lo | eight.hi;
+#elif PACKET == 8
+  const int4 four = lanes.lo | lanes.hi;
+#else
+  const int4 four = lanes;
+#endif
+  const int2 two = four.lo | four.hi;
+  return (two.x | two.y) != 0;
+}
 #endif
 
 // The hierarchy's buffers as parameters and arguments of a function; both end with a comma.

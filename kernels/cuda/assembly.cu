@@ -8,7 +8,7 @@ struct AssemblyArguments {
   uint n, tiles, first, items, option, chunks, cuts;
   float pilot_per_factor, rays_per_factor;
   uint most_in_pilot, fewest, most;
-  float split_from, three2, six2, lift;
+  float split_from, three2, six2, three_error2, six_error2, lift;
   uint panel_first, panel_rows, panel_stride;
 };
 

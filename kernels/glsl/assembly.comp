@@ -20,6 +20,8 @@ layout(push_constant) uniform Arguments {
   float split_from;
   float three2;
   float six2;
+  float three_error2;
+  float six_error2;
   float lift;
   uint panel_first;
   uint panel_rows;

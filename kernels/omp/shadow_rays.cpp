@@ -25,8 +25,7 @@ void shadow_rays(const Launch& launch) {
 #pragma omp parallel for schedule(dynamic, 256)
   for (std::uint32_t i = 0; i < a.rays; ++i) {
     const vec4 from = rays[2 * std::size_t{i}], to = rays[2 * std::size_t{i} + 1];
-    hidden[i] =
-        shared::occluded(HIERARCHY{from.x, from.y, from.z}, {to.x, to.y, to.z}, from.w, to.w) ? 1U : 0U;
+    hidden[i] = shared::occluded(HIERARCHY{from.x, from.y, from.z}, {to.x, to.y, to.z}, from.w, to.w) ? 1U : 0U;
   }
 }
 

@@ -99,6 +99,36 @@ FUNCTION LANES meet_triangle(Rays r, float ax, float ay, float az, float bx, flo
          ((most <= 0.0f) && (behind < 0.0f) && (before < 0.0f));
 }
 
+#if PACKET == 1
+
+/// Which of a node's children the ray meets, a bit for each: the sides that it meets first and last, four boxes at once.
+FUNCTION uint children_met(HIERARCHY_PARAMETERS uint node, Rays r) {
+  const uvec4 corner = NODE_WORDS(node * 4u);
+  const uvec4 low = NODE_WORDS(node * 4u + 1u);
+  const uvec4 high = NODE_WORDS(node * 4u + 2u);
+  const float x = float_of_bits(corner.x) - r.ox;
+  const float y = float_of_bits(corner.y) - r.oy;
+  const float z = float_of_bits(corner.z) - r.oz;
+  const float step_x = float_of_bits((corner.w & 255u) << 23) * r.ix;
+  const float step_y = float_of_bits(((corner.w >> 8) & 255u) << 23) * r.iy;
+  const float step_z = float_of_bits(((corner.w >> 16) & 255u) << 23) * r.iz;
+  const bool up_x = r.ix >= 0.0f;
+  const bool up_y = r.iy >= 0.0f;
+  const bool up_z = r.iz >= 0.0f;
+  const vec4 x0 = bytes_of(up_x ? low.x : high.x) * step_x + x * r.ix;
+  const vec4 x1 = bytes_of(up_x ? high.x : low.x) * step_x + x * r.ix;
+  const vec4 y0 = bytes_of(up_y ? low.y : high.y) * step_y + y * r.iy;
+  const vec4 y1 = bytes_of(up_y ? high.y : low.y) * step_y + y * r.iy;
+  const vec4 z0 = bytes_of(up_z ? low.z : high.z) * step_z + z * r.iz;
+  const vec4 z1 = bytes_of(up_z ? high.z : low.z) * step_z + z * r.iz;
+  const vec4 enter = larger(larger(x0, y0), larger(z0, FILL4(r.near)));
+  const vec4 leave = smaller(smaller(x1, y1), smaller(z1, FILL4(r.far)));
+  return (enter.x <= leave.x ? 1u : 0u) | (enter.y <= leave.y ? 2u : 0u) | (enter.z <= leave.z ? 4u : 0u) |
+         (enter.w <= leave.w ? 8u : 0u);
+}
+
+#else
+
 /// Which rays meet a box, of centre c and half its sides h.
 FUNCTION LANES meet_box(Rays r, float cx, float cy, float cz, float hx, float hy, float hz) {
   const REAL x = MULTIPLY_ADD(cx, r.ix, -r.sx);
@@ -131,6 +161,8 @@ FUNCTION uint children_met(HIERARCHY_PARAMETERS uint node, Rays r) {
          (ANY(meet_box(r, cx.w, cy.w, cz.w, hx.w, hy.w, hz.w)) ? 8u : 0u);
 }
 
+#endif
+
 /// Which rays meet one of a leaf's triangles.
 FUNCTION LANES meet_leaf(HIERARCHY_PARAMETERS uint leaf, Rays r) {
   const uint at = leaf * 9u;
@@ -152,7 +184,7 @@ FUNCTION Rays trace(HIERARCHY_PARAMETERS Rays r) {
   uint waiting = 0u;
   uint node = 0u;  // the root
   uint bits = children_met(HIERARCHY node, r);
-  bool more = true;
+  bool more = ANY(r.far > r.near);
   while (more) {
     uint child = 0u;
     while (more && (child & LEAF_BIT) == 0u) {

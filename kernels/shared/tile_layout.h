@@ -10,13 +10,15 @@
 #define COUNTERS 16u
 #define SECTION_S 0u       // float
 #define SECTION_STATE 1u   // kind, rays of the pilot, what followed
-#define SECTION_HIDDEN 2u  // floats: weight of the rays that ended early, and of all
+#define SECTION_HIDDEN 2u  // floats: weight of the rays that ended early, of all, squares of all weights
 #define SECTION_TOTAL 3u
-#define SECTION_TRACED 4u  // rays
-#define SECTION_SHARE 5u   // float: hidden / total
-#define SECTION_CHUNK 6u   // the first of its chunks of rays, or the number of its cut
-#define SECTION_LISTS 2u   // three lists of pairs, before the sections are used for the rays
-#define SECTIONS 7u
+#define SECTION_SQUARES 4u  // in the end: the variance of the hidden share
+#define SECTION_TRACED 5u   // rays
+#define SECTION_SHARE 6u    // float: hidden / total
+#define SECTION_PILOT 7u    // the share that the pilot found
+#define SECTION_CHUNK 8u    // the first of its chunks of rays, or the number of its cut
+#define SECTION_LISTS 2u    // three lists of pairs, before the sections are used for the rays
+#define SECTIONS 9u
 
 #define STATE_KIND 7u
 #define STATE_PILOT_SHIFT 3u
@@ -26,7 +28,7 @@
 
 // extra: chunks of rays, then cuts of pairs into pieces.
 #define CHUNK_RAYS 8u
-#define CHUNK_WORDS 6u  // pair, number of the first ray, how many | piece << 16, hidden, total, traced
+#define CHUNK_WORDS 7u  // pair, number of the first ray, how many | piece << 16, hidden, total, squares, traced
 #define CUT_PIECES 64u
 #define CUT_WORDS 196u  // pair, 3 spare, then S, first chunk and number of rays of each piece
 
@@ -38,6 +40,11 @@ FUNCTION uint word_of(TILE_PARAMETERS uint section, uint pair) {
 }
 FUNCTION float float_in(TILE_PARAMETERS uint section, uint pair) {
   return float_of_bits(work[in_section(TILE section, pair)]);
+}
+/// Word `place` of the 32 that a tile has behind the sections: 0, whether any share is not 0, and 1, not 1; then a float
+/// for each row.
+FUNCTION uint of_tile(TILE_PARAMETERS uint pair, uint place) {
+  return COUNTERS + SECTIONS * (args.tiles * TILE_PAIRS) + pair / TILE_PAIRS * BLOCK_PATCHES + place;
 }
 FUNCTION uint row_patch(TILE_PARAMETERS uint pair) {
   return (TILE_WORDS(pair / TILE_PAIRS).x & ~TRACED_BIT) * BLOCK_PATCHES + pair % TILE_PAIRS / BLOCK_PATCHES;
@@ -93,7 +100,7 @@ FUNCTION uint list_rays(TILE_PARAMETERS uint counter, uint pair, uint piece, uin
 
 /// Of the rays of a pair: the weight that ended early, all of it, and how many were traced.
 STRUCT(RaySums) {
-  float hidden, total;
+  float hidden, total, squares;
   uint traced;
 };
 
@@ -101,6 +108,7 @@ FUNCTION RaySums no_rays() {
   RaySums sums;
   sums.hidden = 0.0f;
   sums.total = 0.0f;
+  sums.squares = 0.0f;
   sums.traced = 0u;
   return sums;
 }
@@ -112,7 +120,8 @@ FUNCTION RaySums sums_of_chunks(TILE_PARAMETERS uint first, uint count) {
     const uint at = chunk_at(first + k);
     sums.hidden += float_of_bits(extra[at + 3u]);
     sums.total += float_of_bits(extra[at + 4u]);
-    sums.traced += extra[at + 5u];
+    sums.squares += float_of_bits(extra[at + 5u]);
+    sums.traced += extra[at + 6u];
   }
   return sums;
 }

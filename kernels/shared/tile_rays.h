@@ -89,11 +89,12 @@ FUNCTION ShadowRay ray_of(TILE_PARAMETERS RaySource source, uint k) {
   const float over_from = dot3(source.normal_from, between), over_to = -dot3(source.normal_to, between);
   const vec3 start = smaller(args.lift, 0.25f * over_from) * source.normal_from,
              end = smaller(args.lift, 0.25f * over_to) * source.normal_to;
-  const float r2 = dot3(between, between);
+  const float inverse = 1.0f / dot3(between, between);
   ShadowRay ray;
   ray.origin = source.hi + (source.lo + (p + start));
   ray.direction = between + (end - start);
-  ray.weight = !(over_from > 0.0f && over_to > 0.0f) ? 0.0f : source.weighted ? (over_from / r2) * (over_to / r2) : 1.0f;
+  const bool faces = over_from > 0.0f && over_to > 0.0f;
+  ray.weight = !faces ? 0.0f : source.weighted ? (over_from * inverse) * (over_to * inverse) : 1.0f;
   return ray;
 }
 
@@ -129,9 +130,11 @@ FUNCTION void store_totals(TILE_PARAMETERS uint item, RaySums sums) {
   if (args.option != 0u) {
     const uint at = chunk_at(item);
     extra[at + 4u] = bits_of_float(sums.total);
-    extra[at + 5u] = sums.traced;
+    extra[at + 5u] = bits_of_float(sums.squares);
+    extra[at + 6u] = sums.traced;
   } else {
     work[in_section(TILE SECTION_TOTAL, item)] = bits_of_float(sums.total);
+    work[in_section(TILE SECTION_SQUARES, item)] = bits_of_float(sums.squares);
     work[in_section(TILE SECTION_TRACED, item)] = sums.traced;
   }
 }
@@ -148,6 +151,7 @@ FUNCTION void tile_rays_item(HIERARCHY_PARAMETERS TILE_PARAMETERS uint item) {
     if (!(ray.weight > 0.0f)) continue;
     ++sums.traced;
     sums.total += ray.weight;
+    sums.squares += ray.weight * ray.weight;
     if (occluded(HIERARCHY ray.origin, ray.direction, 0.0f, 1.0f)) sums.hidden += ray.weight;
   }
   store_hidden(TILE item, sums.hidden);
@@ -196,6 +200,7 @@ FUNCTION void tile_rays_items(HIERARCHY_PARAMETERS TILE_PARAMETERS uint begin, u
       if (!(ray.weight > 0.0f)) continue;
       ++sums.traced;
       sums.total += ray.weight;
+      sums.squares += ray.weight * ray.weight;
       pending.item[pending.count] = item;
       pending.weight[pending.count] = ray.weight;
       PUT_RAY(pending.batch, pending.count, ray.origin, 0.0f, ray.direction, 1.0f);

@@ -28,6 +28,7 @@ FUNCTION void tile_kinds_item(TILE_PARAMETERS uint item) {
     work[in_section(TILE SECTION_S, pair)] = bits_of_float(s);
     work[in_section(TILE SECTION_STATE, pair)] = kind;
   }
+  work[of_tile(TILE item / BLOCK_PATCHES * TILE_PAIRS, b)] = 0u;
   if (considered > 0u) ADD_TO(work, COUNTER_CONSIDERED, considered);
   if (analytic > 0u) ADD_TO(work, COUNTER_ANALYTIC, analytic);
 }
@@ -56,49 +57,132 @@ FUNCTION void tile_pilot_item(TILE_PARAMETERS uint pair) {
   }
 }
 
-/// What the rays of an item found: the hidden share of a pair after its pilot (option 0), or of all its rays (1).
+/// The variance of a hidden share that is a mean over rays: the unbiased p (1 - p) / (n - 1), n being their effective
+/// number; of a single ray `spread`, an estimate of v (1 - v). host/formfactor/pair_error.cpp.
+FUNCTION float variance_of(RaySums sums, float spread) {
+  if (!(sums.total > 0.0f)) return 0.0f;
+  const float p = hidden_share(sums), n = sums.total * sums.total / sums.squares;
+  return n > 1.5f ? larger(0.0f, p * (1.0f - p)) / (n - 1.0f) : spread / n;
+}
+
+/// v (1 - v) of a pair with a single ray: half the mean square difference from the pilots of the pairs beside it.
+FUNCTION float spread_beside(TILE_PARAMETERS uint pair) {
+  const uint row = pair % TILE_PAIRS / BLOCK_PATCHES, column = pair % BLOCK_PATCHES;
+  const float own = float_in(TILE SECTION_PILOT, pair);
+  float squares = 0.0f, count = 0.0f;
+  for (uint k = 0u; k < 4u; ++k) {
+    const bool inside = k == 0u   ? row > 0u
+                        : k == 1u ? row + 1u < BLOCK_PATCHES
+                        : k == 2u ? column > 0u
+                                  : column + 1u < BLOCK_PATCHES;
+    if (!inside) continue;
+    const uint other = k == 0u ? pair - BLOCK_PATCHES : k == 1u ? pair + BLOCK_PATCHES : k == 2u ? pair - 1u : pair + 1u;
+    if ((word_of(TILE SECTION_STATE, other) & STATE_KIND) == NONE) continue;
+    const float difference = float_in(TILE SECTION_PILOT, other) - own;
+    squares += difference * difference;
+    count += 1.0f;
+  }
+  return count > 0.0f ? 0.5f * squares / count : 0.16666667f;
+}
+
+/// The chunk sums of a pair's piece, and its S.
+FUNCTION RaySums sums_of_piece(TILE_PARAMETERS uint cut, uint piece) {
+  const uint entry = cut_at(TILE cut) + 4u + 3u * piece;
+  return sums_of_chunks(TILE extra[entry + 1u], chunks_of(extra[entry + 2u]));
+}
+FUNCTION float s_of_piece(TILE_PARAMETERS uint cut, uint piece) {
+  return float_of_bits(extra[cut_at(TILE cut) + 4u + 3u * piece]);
+}
+
+/// What a pair's rays found in the end: its hidden share, the variance of that, and how many rays there were.
+STRUCT(Found) {
+  float share, variance;
+  uint traced;
+};
+
+/// Of a pair in pieces, whose rays replace its own: means over the pieces weighted by their S.
+FUNCTION Found found_by_pieces(TILE_PARAMETERS uint cut, uint traced) {
+  Found found;
+  found.traced = traced;
+  float all = 0.0f, hidden = 0.0f;
+  for (uint piece = 0u; piece < CUT_PIECES; ++piece) {
+    const float s = s_of_piece(TILE cut, piece);
+    if (!(s > 0.0f)) continue;
+    const RaySums part = sums_of_piece(TILE cut, piece);
+    all += s;
+    hidden += s * hidden_share(part);
+    found.traced += part.traced;
+  }
+  found.share = all > 0.0f ? hidden / all : 0.0f;
+  found.variance = 0.0f;
+  for (uint piece = 0u; piece < CUT_PIECES; ++piece) {
+    const float s = s_of_piece(TILE cut, piece);
+    if (!(s > 0.0f)) continue;
+    const float part = s / all;
+    found.variance +=
+        part * part * variance_of(sums_of_piece(TILE cut, piece), found.share * (1.0f - found.share));
+  }
+  return found;
+}
+
+FUNCTION RaySums sums_of_pair(TILE_PARAMETERS uint pair) {
+  RaySums sums;
+  sums.hidden = float_in(TILE SECTION_HIDDEN, pair);
+  sums.total = float_in(TILE SECTION_TOTAL, pair);
+  sums.squares = float_in(TILE SECTION_SQUARES, pair);
+  sums.traced = word_of(TILE SECTION_TRACED, pair);
+  return sums;
+}
+FUNCTION RaySums with_chunks(TILE_PARAMETERS RaySums sums, uint first, uint count) {
+  const RaySums more = sums_of_chunks(TILE first, count);
+  RaySums all;
+  all.hidden = sums.hidden + more.hidden;
+  all.total = sums.total + more.total;
+  all.squares = sums.squares + more.squares;
+  all.traced = sums.traced + more.traced;
+  return all;
+}
+
+/// Option 0, after the pilot: the hidden share that it found. Option 1, after all rays: the share and its variance.
 FUNCTION void tile_shares_item(TILE_PARAMETERS uint pair) {
   const uint state = word_of(TILE SECTION_STATE, pair), pilot = (state >> STATE_PILOT_SHIFT) & STATE_PILOT;
   if (pilot == 0u) {
     work[in_section(TILE SECTION_SHARE, pair)] = 0u;
-    work[in_section(TILE SECTION_TOTAL, pair)] = 0u;
+    work[in_section(TILE SECTION_PILOT, pair)] = 0u;
+    work[in_section(TILE SECTION_SQUARES, pair)] = 0u;
     work[in_section(TILE SECTION_TRACED, pair)] = 0u;
     return;
   }
-  const uint follows = args.option == 0u ? 0u : state & (STATE_MORE | STATE_CUT);
-  if (args.option != 0u && follows == 0u) return;
-  RaySums sums;
-  sums.hidden = float_in(TILE SECTION_HIDDEN, pair);
-  sums.total = float_in(TILE SECTION_TOTAL, pair);
-  sums.traced = word_of(TILE SECTION_TRACED, pair);
+  RaySums sums = sums_of_pair(TILE pair);
   const uint at = word_of(TILE SECTION_CHUNK, pair);
-  float share = 0.0f;
-  if (follows == STATE_CUT) {  // the pieces' rays replace the pair's own
-    float all = 0.0f, hidden = 0.0f;
-    for (uint piece = 0u; piece < CUT_PIECES; ++piece) {
-      const uint entry = cut_at(TILE at) + 4u + 3u * piece;
-      const float s = float_of_bits(extra[entry]);
-      if (!(s > 0.0f)) continue;
-      const RaySums part = sums_of_chunks(TILE extra[entry + 1u], chunks_of(extra[entry + 2u]));
-      all += s;
-      hidden += s * hidden_share(part);
-      sums.traced += part.traced;
-    }
-    share = all > 0.0f ? hidden / all : 0.0f;
-  } else {
-    uint chunks = 0u;
-    if (follows == STATE_MORE) chunks = chunks_of(larger(all_rays(TILE factor_of(TILE pair)), args.fewest) - pilot);
-    if (args.option == 0u && pilot > CHUNK_RAYS) chunks = chunks_of(pilot - CHUNK_RAYS);
-    const RaySums more = sums_of_chunks(TILE at, chunks);
-    sums.hidden += more.hidden;
-    sums.total += more.total;
-    sums.traced += more.traced;
-    share = hidden_share(sums);
+  if (args.option == 0u) {
+    if (pilot > CHUNK_RAYS) sums = with_chunks(TILE sums, at, chunks_of(pilot - CHUNK_RAYS));
+    const float share = hidden_share(sums);
+    work[in_section(TILE SECTION_HIDDEN, pair)] = bits_of_float(sums.hidden);
+    work[in_section(TILE SECTION_TOTAL, pair)] = bits_of_float(sums.total);
+    work[in_section(TILE SECTION_SQUARES, pair)] = bits_of_float(sums.squares);
+    work[in_section(TILE SECTION_TRACED, pair)] = sums.traced;
+    work[in_section(TILE SECTION_SHARE, pair)] = bits_of_float(share);
+    work[in_section(TILE SECTION_PILOT, pair)] = bits_of_float(share);
+    if (share > 0.0f) work[of_tile(TILE pair, 0u)] = 1u;
+    if (share < 1.0f) work[of_tile(TILE pair, 1u)] = 1u;
+    return;
   }
-  work[in_section(TILE SECTION_HIDDEN, pair)] = bits_of_float(sums.hidden);
-  work[in_section(TILE SECTION_TOTAL, pair)] = bits_of_float(sums.total);
-  work[in_section(TILE SECTION_TRACED, pair)] = sums.traced;
-  work[in_section(TILE SECTION_SHARE, pair)] = bits_of_float(share);
+  Found found;
+  if ((state & STATE_CUT) != 0u) {
+    found = found_by_pieces(TILE at, sums.traced);
+  } else {
+    if ((state & STATE_MORE) != 0u) {
+      sums = with_chunks(TILE sums, at, chunks_of(larger(all_rays(TILE factor_of(TILE pair)), args.fewest) - pilot));
+    }
+    found.share = hidden_share(sums);
+    found.variance = variance_of(sums, pilot == 1u ? spread_beside(TILE pair) : 0.0f);
+    found.traced = sums.traced;
+  }
+  const bool mixed = work[of_tile(TILE pair, 0u)] != 0u && work[of_tile(TILE pair, 1u)] != 0u;
+  work[in_section(TILE SECTION_SHARE, pair)] = bits_of_float(found.share);
+  work[in_section(TILE SECTION_SQUARES, pair)] = bits_of_float(mixed ? found.variance : 0.0f);
+  work[in_section(TILE SECTION_TRACED, pair)] = found.traced;
 }
 
 /// Whether a pair with rays deserves more: its own shares or those of its neighbours in the tile are not all the same.
@@ -164,13 +248,8 @@ FUNCTION void tile_pieces_item(TILE_PARAMETERS uint item) {
   extra[entry + 2u] = rays;
 }
 
-/// The variance that sampling leaves in S of a pair, over the product of its areas.
-FUNCTION float pair_variance(TILE_PARAMETERS uint pair, float s, float share, uint rays) {
-  const float of_both = s * s / (area_at(TILE row_patch(TILE pair)) * area_at(TILE column_patch(TILE pair)));
-  return of_both * share * (1.0f - share) / TO_FLOAT(rays);
-}
-
-/// An item is a row of a tile: S as far as it is visible, and what its error adds to the tile's variance.
+/// An item is a row of a tile: S as far as it is visible, and what rays and quadrature add to the tile's variance,
+/// Σ σ²(S) / (A_i A_j).
 FUNCTION void tile_finish_item(TILE_PARAMETERS uint item) {
   float variance = 0.0f;
   uint rays = 0u;
@@ -179,10 +258,13 @@ FUNCTION void tile_finish_item(TILE_PARAMETERS uint item) {
     const float s = float_in(TILE SECTION_S, pair), share = float_in(TILE SECTION_SHARE, pair);
     if (!(s > 0.0f)) continue;
     work[in_section(TILE SECTION_S, pair)] = bits_of_float(s * (1.0f - share));
-    const uint traced = word_of(TILE SECTION_TRACED, pair);
-    rays += traced;
-    if (traced > 0u) variance += pair_variance(TILE pair, s, share, traced);
+    const uint kind = word_of(TILE SECTION_STATE, pair) & STATE_KIND;
+    const float of_share = float_in(TILE SECTION_SQUARES, pair) +
+                           (kind == FAR ? args.three_error2 : kind == MIDDLE ? args.six_error2 : 0.0f);
+    const float area_i = area_at(TILE row_patch(TILE pair)), area_j = area_at(TILE column_patch(TILE pair));
+    variance += of_share * ((s / area_i) * (s / area_j));
+    rays += word_of(TILE SECTION_TRACED, pair);
   }
-  work[COUNTERS + SECTIONS * (args.tiles * TILE_PAIRS) + item] = bits_of_float(variance);
+  work[of_tile(TILE item / BLOCK_PATCHES * TILE_PAIRS, item % BLOCK_PATCHES)] = bits_of_float(variance);
   if (rays > 0u) ADD_TO(work, COUNTER_RAYS, rays);
 }

@@ -77,11 +77,13 @@ class Walk {
 
  public:
   std::vector<int> node_visits;
-  explicit Walk(const Hierarchy& hierarchy) : hierarchy_(hierarchy) , node_visits(hierarchy.node_count()) { visit(0, 1); }
+  explicit Walk(const Hierarchy& hierarchy) : hierarchy_(hierarchy), node_visits(hierarchy.node_count()) {
+    visit(0, 1);
+  }
   std::uint32_t levels = 0;
   std::vector<std::array<float, 9>> triangles;  ///< with an extent
   std::size_t outside = 0;                      ///< vertices out of the box that leads to them
-  
+
  private:
   void visit(std::uint32_t node, std::uint32_t level) {
     levels = std::max(levels, level);
@@ -116,7 +118,8 @@ class Walk {
       if (t[0] == t[3] && t[0] == t[6] && t[1] == t[4] && t[1] == t[7] && t[2] == t[5] && t[2] == t[8]) continue;
       triangles.push_back(t);
       for (std::size_t c = 0; c < 3; ++c) {
-        const Vec3 p{static_cast<double>(t[3 * c]), static_cast<double>(t[3 * c + 1]), static_cast<double>(t[3 * c + 2])};
+        const Vec3 p{static_cast<double>(t[3 * c]), static_cast<double>(t[3 * c + 1]),
+                     static_cast<double>(t[3 * c + 2])};
         for (int axis = 0; axis < 3; ++axis) outside += p[axis] < box.low[axis] || p[axis] > box.high[axis] ? 1 : 0;
       }
     }
@@ -148,7 +151,9 @@ void expect_sound(const Mesh& mesh, const std::string& name) {
 TEST(HierarchyOfTriangles, EveryTriangleIsInOneLeafAndInTheBoxesAboveIt) {
   for (const std::size_t count : {1U, 2U, 3U, 4U, 5U, 16U, 17U, 1000U}) expect_sound(soup(count), "soup");
   expect_sound(identical(10000), "identical");
-  expect_sound(shrinking(1100), "shrinking");
+  const Mesh deep = shrinking(1100);
+  expect_sound(deep, "shrinking");
+  EXPECT_EQ(Hierarchy(deep.vertices, deep.triangles).levels(), Hierarchy::most_levels) << "the limit is never reached";
 }
 
 TEST(HierarchyOfTriangles, IsTheSameEveryTimeAndShallow) {
@@ -172,7 +177,7 @@ TEST(ShadowRays, OpenMPAgreesWithTheReference) {
   const auto device = open_device("openmp");
   std::vector<KernelCheck> rows;
   check::check_rays(*device, rows, {.max_size = sanitized ? 300 : every_size});
-  EXPECT_GE(rows.size(), sanitized ? 14U : 23U);
+  EXPECT_GE(rows.size(), sanitized ? 14U : 22U);
   for (const KernelCheck& row : rows) EXPECT_EQ(row.status, CheckStatus::pass) << describe(row);
 }
 
@@ -180,8 +185,11 @@ TEST(ShadowRays, ALaunchThatCannotRunIsRefused) {
   const auto device = open_device("openmp");
   const auto kernel = device->kernel("shadow_rays", {});
   const auto launch = [&](ShadowRayArguments a, std::uint32_t groups, std::size_t ray_floats) {
+    // A root without triangles, so that a launch that is not refused ends.
+    const Hierarchy hierarchy({}, {});
     const auto nodes = device->allocate(64), leaves = device->allocate(144), rays = device->allocate(4 * ray_floats),
                hidden = device->allocate(4 * 256);
+    device->queue().upload(*nodes, 0, std::as_bytes(hierarchy.nodes()));
     Buffer* const buffers[] = {nodes.get(), leaves.get(), rays.get(), hidden.get()};
     device->queue().launch(*kernel, groups, buffers, std::as_bytes(std::span(&a, 1)), "Test");
   };
@@ -243,7 +251,8 @@ TEST(ShadowRaysTwins, ABoxThatIsTooSmallIsSeen) {
 TEST(ShadowRaysTwins, ASkippedTriangleIsSeen) {
   EXPECT_GT(failures([](test::Launched& call) {
               auto buffers = call.buffers;
-              for (std::size_t c = 3; c < 9; ++c) buffers[1][4 * c] = buffers[1][4 * (c % 3)];  // the first becomes a point
+              for (std::size_t c = 3; c < 9; ++c)
+                buffers[1][4 * c] = buffers[1][4 * (c % 3)];  // the first becomes a point
               run_real(call, buffers);
             }),
             0U);
@@ -267,7 +276,7 @@ TEST(CudaRays, AgreeWithTheReference) {
   test::CudaOnCpu device;
   std::vector<KernelCheck> rows;
   check::check_rays(device, rows, {.max_size = sanitized ? 65 : every_size});
-  EXPECT_GE(rows.size(), sanitized ? 10U : 23U);
+  EXPECT_GE(rows.size(), sanitized ? 10U : 22U);
   for (const KernelCheck& row : rows) EXPECT_EQ(row.status, CheckStatus::pass) << describe(row);
   cuda_on_cpu::use_order(cuda_on_cpu::Order::forwards);
 }
@@ -284,7 +293,8 @@ TEST_P(BrokenRays, FailTheCheck) {
   test::CudaOnCpu device(GetParam());
   std::vector<KernelCheck> rows;
   check::check_rays(device, rows, {.max_size = 300});
-  EXPECT_TRUE(std::any_of(rows.begin(), rows.end(), [](const KernelCheck& r) { return r.status == CheckStatus::fail; }));
+  EXPECT_TRUE(
+      std::any_of(rows.begin(), rows.end(), [](const KernelCheck& r) { return r.status == CheckStatus::fail; }));
 }
 
 }  // namespace

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "interflect/formfactor/assembly.h"
+#include "interflect/solver/fallback.h"
+
+// Who assembles.
+
+namespace interflect::cli {
+
+/// --assembly
+enum class AssemblyPlace {
+  automatic,  ///< on a real GPU, else on the host
+  host,       ///< by Embree
+  device,     ///< on the device, also on an emulated one; OpenMP's is the host
+};
+void add_assembly_option(CLI::App& command, std::string& text);
+[[nodiscard]] AssemblyPlace assembly_place(const std::string& text);
+
+/// Whether this device computes S. (Whether F then stays there is a matter of room and format.)
+[[nodiscard]] bool assembles(AssemblyPlace place, const DeviceInfo& device);
+
+/// Where F was assembled, in the end.
+struct AssemblyUse {
+  std::string device = "host";
+  std::uint64_t bytes_over_bus = 0;  ///< of F or S, between host and devices, both ways
+};
+
+/// Gives the assembly on the host its tiles: from the first candidate where that assembles, else from Embree.
+class Assembler {
+ public:
+  Assembler(Candidates& candidates, AssemblyPlace place) : candidates_(candidates), place_(place) {}
+  Assembler(const Assembler&) = delete;
+  Assembler& operator=(const Assembler&) = delete;
+
+  /// Calls `act` with options.maker set, and takes the compiler's time off the seconds of the report that it returns.
+  /// When the device fails, the next candidate makes the tiles, and all of them anew (but panels that options.panels
+  /// has). Throws what `act` throws, and the last candidate's Error.
+  void run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act);
+  /// assemble() by it.
+  [[nodiscard]] FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink& progress);
+
+  [[nodiscard]] const AssemblyUse& use() const { return use_; }
+  [[nodiscard]] Candidates& candidates() { return candidates_; }
+  [[nodiscard]] AssemblyPlace place() const { return place_; }
+
+ private:
+  Candidates& candidates_;
+  AssemblyPlace place_;
+  AssemblyUse use_;
+};
+
+}  // namespace interflect::cli

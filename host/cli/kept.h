@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "assembler.h"
+#include "interflect/formfactor/assembly.h"
+#include "interflect/formfactor/iff_file.h"
+#include "interflect/formfactor/iff_panels.h"
+#include "pipeline.h"
+
+namespace interflect::cli {
+
+/// The file of form factors that a command used.
+struct Kept {
+  std::string file;  ///< empty: none
+  std::string done;  ///< "reused", "computed", "continued", "repaired", "closure anew"
+  std::uint32_t panels = 0, reused = 0;
+  double eps = 0;
+  std::uint64_t seed = 0;
+  std::string geometry;  ///< 32 hexadecimal digits
+};
+[[nodiscard]] Kept kept_of(const std::string& file, const iff::Shape& shape, std::uint32_t reused, std::string done);
+
+struct KeptFormFactors {
+  FormFactors factors;  ///< no matrix where the panels stay in the file
+  Kept kept;
+  std::shared_ptr<const IffPanels> panels = {};  ///< of the file, when F exceeds the memory
+  std::uint64_t memory = 0;                      ///< bytes that they may take then
+};
+
+/// `solve --form-factors FILE` without --divide and --patches takes the file's, where it is there.
+[[nodiscard]] SceneOptions with_the_files_divide(const SceneOptions& options, const std::string& file);
+
+/// Without a file. A limit Error also says how to keep them in one.
+[[nodiscard]] FormFactors assemble_in_memory(const MeshedScene& loaded, const SceneOptions& options,
+                                             const std::string& how_to_keep, Assembler& assembler,
+                                             ProgressSink& progress);
+
+/// `solve --form-factors FILE`: from the file where it is there, else computed and kept in it; without a name,
+/// computed. Throws an input Error that says what differs when the file does not fit the scene and the options: another
+/// geometry, a coarser accuracy than the one given, another seed than the one given.
+[[nodiscard]] KeptFormFactors form_factors_for_solve(const std::string& file, const MeshedScene& loaded,
+                                                     const SceneOptions& options, Assembler& assembler,
+                                                     ProgressSink& progress);
+
+/// `formfactors SCENE -o FILE`: whether FILE is there and fits; says what does not.
+[[nodiscard]] bool fits(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
+                        ProgressSink& progress);
+/// Computes the form factors and keeps them in FILE, going on from what FILE.partial has. While it works the first
+/// Ctrl-C ends it after the panel in hand, as an interrupted Error.
+[[nodiscard]] KeptFormFactors keep(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
+                                   Assembler& assembler, ProgressSink& progress);
+/// `formfactors SCENE -o FILE --repair`: computes again what is damaged in FILE.
+[[nodiscard]] KeptFormFactors repair(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
+                                     Assembler& assembler, ProgressSink& progress);
+/// FILE, which fits, with another closure: its panels are used and its end is written again.
+[[nodiscard]] KeptFormFactors close_again(const std::string& file, const MeshedScene& loaded,
+                                          const SceneOptions& options, Assembler& assembler, ProgressSink& progress);
+
+}  // namespace interflect::cli
