@@ -173,8 +173,8 @@ void add(Device& device, std::vector<KernelCheck>& rows, const Selection& select
 }  // namespace
 
 void check_resident(Device& device, std::vector<KernelCheck>& rows, const Selection& selection) {
-  for (const std::uint32_t n : {1U, 2U, 3U, 15U, 16U, 17U, 31U, 33U, 63U, 65U, 129U, 255U, 257U, 1025U}) {
-    const std::uint32_t count = std::min(n, 41U);  // rows
+  for (const std::uint32_t n : {1U, 2U, 15U, 16U, 17U, 33U, 65U, 129U, 255U, 257U, 1025U}) {
+    const std::uint32_t count = std::min(n, 13U);  // rows
     for (const std::uint32_t panel_rows : {1U, 5U, count}) {
       if (panel_rows > count) continue;
       for (const std::uint32_t columns : {1U, 3U, 7U}) {

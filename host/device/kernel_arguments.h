@@ -21,8 +21,8 @@ struct MatvecArguments {
 
 /// Rows of a panel for one work-group of matvec_exact and close_rows, which take MatvecArguments as well.
 ///   matvec_exact: y as hi + lo; hi as y of matvec, lo COLUMNS * vector_stride floats behind it.
-///   close_rows: f[r, j] *= factor[first + r] * d[j] in place; of the row, at of_rows[k * vector_stride + first + r]: k = 0,
-///   1 the least and largest d[j] with f[r, j] != 0, k = 2 how many there are. Buffers: f, d, factor, of_rows.
+///   close_rows: f[r, j] *= factor[first + r] * d[j] in place; of the row, at of_rows[k * vector_stride + first + r]: k
+///   = 0, 1 the least and largest d[j] with f[r, j] != 0, k = 2 how many there are. Buffers: f, d, factor, of_rows.
 inline constexpr std::uint32_t panel_group = 4;
 
 // The 16-bit formats. Elements are fp16 (halves); x comes scaled, from the kernel `scale`, with zeros behind its n

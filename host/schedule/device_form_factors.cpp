@@ -31,10 +31,11 @@ void check_memory(const DeviceInfo& info, std::uint32_t n) {
   if (info.type == DeviceType::cpu && available != 0) available = std::min(available, available_memory());
   const std::uint64_t needed = DeviceFormFactors::predicted_bytes(info, n);
   if (available == 0 || needed <= available) return;
-  throw Error(ErrorKind::limit,
-              fmt::format("{}: the form factors of {} patches need {} there, {} may be used; use fewer patches, another "
-                          "device, or --assembly host",
-                          info.id, n, gibibytes(needed), gibibytes(available)));
+  throw Error(
+      ErrorKind::limit,
+      fmt::format("{}: the form factors of {} patches need {} there, {} may be used; use fewer patches, another "
+                  "device, or --assembly host",
+                  info.id, n, gibibytes(needed), gibibytes(available)));
 }
 
 DeviceAssemblyFacts assemble_all(Device& device, const PatchTable& patches, const Blockers& blockers,

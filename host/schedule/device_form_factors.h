@@ -18,13 +18,13 @@ namespace interflect {
 class DeviceFormFactors {
  public:
   /// Writes S of all tiles into the panels: assemble_on(), or what a test puts in its place.
-  using Assemble = std::function<DeviceAssemblyFacts(Device&, const PatchTable&, const Blockers&,
-                                                     const AssemblyOptions&, std::span<const DevicePanel>,
-                                                     std::uint32_t stride, ProgressSink&)>;
+  using Assemble =
+      std::function<DeviceAssemblyFacts(Device&, const PatchTable&, const Blockers&, const AssemblyOptions&,
+                                        std::span<const DevicePanel>, std::uint32_t stride, ProgressSink&)>;
 
   /// Makes S on the device, finds the closure by products there (the host sees vectors only), and turns S into F in
-  /// place. Of the options `panels` and `maker` are the host's and not used. Throws a limit Error, before any work, when
-  /// the device's memory will not do, and device Errors.
+  /// place. Of the options `panels` and `maker` are the host's and not used. Throws a limit Error, before any work,
+  /// when the device's memory will not do, and device Errors.
   DeviceFormFactors(std::unique_ptr<Device> device, const PatchMesh& mesh, const AssemblyOptions& options = {},
                     ProgressSink* progress = nullptr, const Assemble& assemble = {});
 

@@ -80,10 +80,9 @@ TileFacts DeviceTileMaker::make(std::size_t first, std::size_t end, const TileSi
     const auto there = device_.allocate(rows * stride * sizeof(float));
     const DevicePanel panel{static_cast<std::uint32_t>(begin * block), static_cast<std::uint32_t>(rows), there.get()};
     PartOfStage part(progress, tiles_in_rows(begin, stop, blocks));
-    const DeviceAssemblyFacts made =
-        assemble_on(device_, patches_, blockers_, budget_, seed_, std::span(&panel, 1),
-                    static_cast<std::uint32_t>(stride), static_cast<std::uint32_t>(begin),
-                    static_cast<std::uint32_t>(stop), part);
+    const DeviceAssemblyFacts made = assemble_on(device_, patches_, blockers_, budget_, seed_, std::span(&panel, 1),
+                                                 static_cast<std::uint32_t>(stride), static_cast<std::uint32_t>(begin),
+                                                 static_cast<std::uint32_t>(stop), part);
     s.resize(rows * stride);
     device_.queue().download(*there, 0, std::as_writable_bytes(std::span(s)));
     hand_out(s, stride, n, begin, stop, blocks, sink);

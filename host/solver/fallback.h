@@ -61,7 +61,7 @@ struct FallbackReport {
   SolveReport report;                ///< of all devices together
   std::vector<std::string> devices;  ///< ids of those whose work is in the result, in order
   std::vector<DeviceFailure> failures;
-  double upload_seconds = 0;  ///< placing F, on every device that was tried
+  double upload_seconds = 0;         ///< placing F, on every device that was tried
   std::uint64_t uploaded_bytes = 0;  ///< of F, likewise
 };
 

@@ -35,11 +35,11 @@ typedef float16 lanes;  // what has a sum of its own
 typedef float4 part;
 typedef float lanes;
 #define LOAD(p) vload4(0, p)
-#define ADD(f, x, sum)           \
-  add_product(f.x, x.x, sum);    \
-  add_product(f.y, x.y, sum);    \
-  add_product(f.z, x.z, sum);    \
-  add_product(f.w, x.w, sum)
+#define ADD(four_f, four_x, sum)             \
+  add_product((four_f).x, (four_x).x, sum);  \
+  add_product((four_f).y, (four_x).y, sum);  \
+  add_product((four_f).z, (four_x).z, sum);  \
+  add_product((four_f).w, (four_x).w, sum)
 #define TO_ARRAY(v, array) (array)[0] = v
 #endif
 

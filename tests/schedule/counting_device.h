@@ -18,7 +18,7 @@ namespace interflect::test {
 struct Counts {
   std::uint64_t allocations = 0, shares = 0, uploads = 0, downloads = 0, waits = 0;
   std::uint64_t uploaded_bytes = 0, downloaded_bytes = 0, largest_transfer = 0;
-  std::string inner = "openmp";  ///< the device that does the work
+  std::string inner = "openmp";                   ///< the device that does the work
   std::map<std::string, std::uint64_t> launches;  ///< by kernel
   std::vector<std::string> labels;                ///< every launch, in order
   std::vector<std::uint64_t> allocations_at_download;

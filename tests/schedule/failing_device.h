@@ -29,7 +29,8 @@ struct Fate {
   int live_buffers = 0, live_kernels = 0;
 };
 
-/// A device, OpenMP's if no other is given, not sharing memory, that fails at its k-th allocation, kernel, launch, upload, download or wait.
+/// A device, OpenMP's if no other is given, not sharing memory, that fails at its k-th allocation, kernel, launch,
+/// upload, download or wait.
 class FailingDevice final : public Device {
  public:
   /// `inner` may be shared by several, one after the other: opening one and compiling its kernels takes longest.

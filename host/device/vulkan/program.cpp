@@ -20,10 +20,9 @@ vk::Format texels_of(std::string_view kernel, std::size_t buffer) {
     return buffer < 2 || (kernel == "tile_rays" && buffer == 4) ? words : vk::Format::eUndefined;
   }
   if (kernel == "shadow_rays" && buffer < 3) return buffer == 0 ? words : fours;
-  const bool reads =
-      kernel == "matvec" || kernel == "matvec_exact"
-          ? buffer < 2
-          : (kernel == "read" || kernel == "copy" || kernel == "sym16_fold") && buffer == 0;
+  const bool reads = kernel == "matvec" || kernel == "matvec_exact"
+                         ? buffer < 2
+                         : (kernel == "read" || kernel == "copy" || kernel == "sym16_fold") && buffer == 0;
   return reads ? fours : vk::Format::eUndefined;
 }
 
