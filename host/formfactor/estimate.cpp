@@ -17,36 +17,51 @@ namespace {
 
 constexpr std::size_t block = PatchTable::block;
 
-/// Σ_j σ²(F_ij) w_j for every i: by tiles, (1 / A_i) Σ_c share(r, c) Σ_{j∈c} A_j w_j; in a tile on the diagonal j ≠ i.
+/// Where a tile's variance lies among its pairs is not kept. σ²(S_ij) / (A_i A_j) is taken as proportional to
+/// min(A_i, A_j): rays are given by the larger of the two form factors, S / min(A_i, A_j). See row_error().
+class Spread {
+ public:
+  Spread(const std::vector<double>& area, const std::function<double(std::size_t)>& weight) : area_(area) {
+    for (std::size_t j = 0; j < area.size(); ++j) weighted_.push_back(area[j] * weight(j));
+  }
+  /// Adds to out[i], for the patches of both blocks, A_i Σ_j σ²(F_ij) w_j over the pairs of the tile.
+  void add(std::size_t r, std::size_t c, double variance, std::vector<double>& out) const {
+    const std::size_t row_end = std::min((r + 1) * block, area_.size()), end = std::min((c + 1) * block, area_.size());
+    const auto each = [&](const auto& visit) {
+      for (std::size_t i = r * block; i < row_end; ++i) {
+        for (std::size_t j = r == c ? i + 1 : c * block; j < end; ++j) visit(i, j, std::min(area_[i], area_[j]));
+      }
+    };
+    double sum = 0;
+    each([&](std::size_t, std::size_t, double share) { sum += share; });
+    if (!(sum > 0)) return;
+    each([&](std::size_t i, std::size_t j, double share) {
+      out[i] += variance / sum * share * weighted_[j];
+      out[j] += variance / sum * share * weighted_[i];
+    });
+  }
+
+ private:
+  const std::vector<double>& area_;
+  std::vector<double> weighted_;  ///< A_j w_j
+};
+
+/// Σ_j σ²(F_ij) w_j for every i.
 std::vector<double> weighted_variance(std::span<const float> tile_variance, const std::vector<double>& area,
                                       const std::function<double(std::size_t)>& weight) {
   const std::size_t n = area.size(), blocks = (n + block - 1) / block;
   if (tile_variance.size() != tiles_in_rows(0, blocks, blocks)) {
     throw Error(ErrorKind::internal, fmt::format("{} tile variances for {} patches", tile_variance.size(), n));
   }
-  std::vector<double> of_block(blocks), sum(blocks), diagonal(blocks);
-  for (std::size_t j = 0; j < n; ++j) of_block[j / block] += area[j] * weight(j);
-  const auto patches = [&](std::size_t b) { return static_cast<double>(std::min(block, n - b * block)); };
+  const Spread spread(area, weight);
+  std::vector<double> out(n);
   std::size_t tile = 0;
   for (std::size_t r = 0; r < blocks; ++r) {
     for (std::size_t c = r; c < blocks; ++c, ++tile) {
-      const auto variance = static_cast<double>(tile_variance[tile]);
-      if (!(variance > 0)) continue;
-      if (r == c) {
-        diagonal[r] = variance / (patches(r) * (patches(r) - 1) / 2);
-        continue;
-      }
-      const double share = variance / (patches(r) * patches(c));
-      sum[r] += share * of_block[c];
-      sum[c] += share * of_block[r];
+      if (tile_variance[tile] > 0) spread.add(r, c, static_cast<double>(tile_variance[tile]), out);
     }
   }
-  std::vector<double> out(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const std::size_t b = i / block;
-    const double within = diagonal[b] * (of_block[b] - area[i] * weight(i));
-    out[i] = area[i] > 0 ? (sum[b] + within) / area[i] : 0;
-  }
+  for (std::size_t i = 0; i < n; ++i) out[i] = area[i] > 0 ? out[i] / area[i] : 0;
   return out;
 }
 

@@ -8,15 +8,15 @@
 namespace interflect {
 
 /// What the sampling of visibility leaves, by the tiles' variances (TileFacts::variance of all tile rows): standard
-/// deviations, each pair taken to err by itself, a tile's variance taken as spread evenly over its pairs. The closure
-/// is not looked at: it takes part of the error of a row's sum away.
+/// deviations, each pair taken to err by itself, a tile's variance taken as spread over its pairs by min(A_i, A_j). The
+/// closure is not looked at: it takes part of the error of a row's sum away.
 struct EstimatedError {
   double rms = 0;  ///< over the patches
   double max = 0;
 };
 
-/// Of the row sums of F: σ_i² = Σ_j σ²(F_ij), with σ²(F_ij) = (tile's variance / its pairs) A_j / A_i. Throws an
-/// internal Error when the number of tiles is not that of the areas' tiles.
+/// Of the row sums of F: σ_i² = Σ_j σ²(F_ij), with σ²(F_ij) = (the pair's share of the tile's variance) A_j / A_i.
+/// Throws an internal Error when the number of tiles is not that of the areas' tiles.
 [[nodiscard]] EstimatedError row_sum_error(std::span<const float> tile_variance, const std::vector<double>& area);
 
 /// Of the radiosities, as a share of the largest: ρ_i δ_i / max B in the channel where it is largest, with

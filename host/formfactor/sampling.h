@@ -110,6 +110,10 @@ struct ShadowRay {
   float weight = 0;
 };
 
+/// Rays shorter than this many lifts weigh no more than those of that length: what they meet is rounding, and near a
+/// common edge a single one of them could decide about a pair.
+inline constexpr float shortest_in_lifts = 32;
+
 /// Ray number k of the samples that start at `from` on a and at `to` on b; its ends are moved off the facets by `lift`,
 /// at most by a quarter of their distance from the other's plane.
 [[nodiscard]] inline ShadowRay shadow_ray(const Facet& a, const Facet& b, Square from, Square to, std::uint32_t k,
@@ -121,7 +125,8 @@ struct ShadowRay {
   if (!(above_a > 0 && above_b > 0)) return {};
   const Float3 origin = x + std::min(lift, 0.25F * above_a) * a.normal;
   const Float3 end = y + std::min(lift, 0.25F * above_b) * b.normal;
-  const float inverse = 1 / dot(between, between);
+  const float shortest = shortest_in_lifts * lift;
+  const float inverse = 1 / std::max(dot(between, between), shortest * shortest);
   return {origin, end - origin, (above_a * inverse) * (above_b * inverse)};
 }
 

@@ -87,7 +87,8 @@ HWY_INLINE void append(const Point& x, const Point& y, const Point& normal_a, co
   const V zero = hn::Zero(d), quarter = hn::Set(d, 0.25F), most = hn::Set(d, lift);
   const Point between = minus(y, x);
   const V above_a = dot(normal_a, between), above_b = hn::Neg(dot(normal_b, between));
-  const V inverse = hn::Div(hn::Set(d, 1), dot(between, between));
+  const float shortest = sampling::shortest_in_lifts * lift;
+  const V inverse = hn::Div(hn::Set(d, 1), hn::Max(dot(between, between), hn::Set(d, shortest * shortest)));
   const V weight = hn::Mul(hn::Mul(above_a, inverse), hn::Mul(above_b, inverse));
   const auto good = hn::And(hn::And(wanted, hn::Gt(weight, zero)), hn::Gt(hn::Min(above_a, above_b), zero));
   const Point origin = along(x, hn::Min(most, hn::Mul(quarter, above_a)), normal_a);

@@ -215,6 +215,7 @@ class Capture : public PanelStore {
  public:
   [[nodiscard]] std::uint32_t rows_per_panel() const override { return 64; }
   [[nodiscard]] bool has(std::uint32_t) const override { return false; }
+  void read_columns(std::uint32_t, std::uint32_t, std::uint32_t, std::span<float>) const override { FAIL(); }
   [[nodiscard]] TileFacts load(std::uint32_t, FormFactorMatrix&) override { return {}; }
   void save(std::uint32_t panel, const FormFactorMatrix& s, const TileFacts&) override {
     for (std::uint32_t i = panel * 64; i < std::min(s.size(), (panel + 1) * 64); ++i) {
