@@ -7,6 +7,7 @@
 #include <cstring>
 #include <memory>
 #include <set>
+#include <span>
 
 #include "formfactor/meshes.h"
 #include "interflect/formfactor/closure.h"
@@ -215,6 +216,7 @@ class Capture : public PanelStore {
  public:
   [[nodiscard]] std::uint32_t rows_per_panel() const override { return 64; }
   [[nodiscard]] bool has(std::uint32_t) const override { return false; }
+  void read_columns(std::uint32_t, std::uint32_t, std::uint32_t, std::span<float>) const override {}
   [[nodiscard]] TileFacts load(std::uint32_t, FormFactorMatrix&) override { return {}; }
   void save(std::uint32_t panel, const FormFactorMatrix& s, const TileFacts&) override {
     for (std::uint32_t i = panel * 64; i < std::min(s.size(), (panel + 1) * 64); ++i) {
