@@ -91,6 +91,50 @@ void numbers(Stream& stream, Report& report, std::uint32_t& closed, std::uint32_
   }
 }
 
+/// A row of the certificate: the numbers of fixed count, then the names.
+template <typename Stream, typename Row>
+void suspect(Stream& stream, Row& row, std::uint32_t& set_aside, std::uint32_t& cause) {
+  stream.value(row.patch);
+  stream.value(set_aside);
+  stream.value(cause);
+  for (auto* number : {&row.centroid.x, &row.centroid.y, &row.centroid.z, &row.row_sum, &row.deviation, &row.error,
+                       &row.escape, &row.back}) {
+    stream.value(*number);
+  }
+  for (auto* text : {&row.object, &row.group, &row.other}) stream.value(*text);
+}
+
+void encode(Writer& to, Certificate certificate) {
+  to.value(std::uint32_t{certificate.made ? 1U : 0U});
+  to.value(certificate.rows);
+  to.value(certificate.off);
+  to.value(std::uint64_t{certificate.worst.size()});
+  for (SuspectRow& row : certificate.worst) {
+    std::uint32_t set_aside = row.set_aside ? 1 : 0, cause = static_cast<std::uint32_t>(row.cause);
+    suspect(to, row, set_aside, cause);
+  }
+}
+
+Certificate decode_certificate(Reader& from, std::uint32_t n) {
+  constexpr std::uint64_t least = 3 * sizeof(std::uint32_t) + 8 * sizeof(double) + 3 * sizeof(std::uint32_t);
+  Certificate out;
+  std::uint32_t made = 0;
+  from.value(made);
+  from.value(out.rows);
+  from.value(out.off);
+  out.worst.resize(from.count(least));
+  for (SuspectRow& row : out.worst) {
+    std::uint32_t set_aside = 0, cause = 0;
+    suspect(from, row, set_aside, cause);
+    if (row.patch >= n || set_aside > 1 || cause > static_cast<std::uint32_t>(Cause::unknown)) throw from.senseless();
+    row.set_aside = set_aside == 1;
+    row.cause = static_cast<Cause>(cause);
+  }
+  if (made > 1) throw from.senseless();
+  out.made = made == 1;
+  return out;
+}
+
 bool all_at_least(double least, const std::vector<double>& values) {
   return std::all_of(values.begin(), values.end(), [least](double x) { return std::isfinite(x) && x >= least; });
 }
@@ -118,6 +162,7 @@ std::string encode(const IffClosing& closing) {
   }
   to.value(std::uint64_t{report.warnings.size()});
   for (const std::string& warning : report.warnings) to.value(warning);
+  encode(to, report.certificate);
   return to.out;
 }
 
@@ -144,6 +189,7 @@ IffClosing decode(std::span<const std::byte> body, std::uint32_t n, std::string_
   }
   report.warnings.resize(from.count(least_string));
   for (std::string& warning : report.warnings) from.value(warning);
+  report.certificate = decode_certificate(from, n);
 
   const auto below = [](const std::vector<std::uint32_t>& indices, std::size_t end) {
     return std::all_of(indices.begin(), indices.end(), [end](std::uint32_t i) { return i < end; });

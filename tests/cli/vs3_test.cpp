@@ -96,6 +96,10 @@ TEST(View3D, AnObstructionTakesLightAndHasNoRow) {
               1 - opposite, 2e-3);
   EXPECT_NEAR(table.at("areas").at(0).get<double>(), 0.75, 1e-12) << "the wall without its window";
   EXPECT_THAT(between(folder, text, {}).out, HasSubstr("left out: obstruction"));
+  // A file of form factors knows obstructions again.
+  const std::string file = folder.file("a.iff");
+  ASSERT_EQ(run_program({"formfactors", folder.file("a.vs3"), "--divide", "0.02", "-o", file}).status, 0);
+  EXPECT_EQ(json::parse(run_program({"formfactors", file, "--between", "--json"}).out), table);
 }
 
 TEST(View3D, BadFilesEndWithTheirLine) {

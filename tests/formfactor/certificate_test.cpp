@@ -7,6 +7,7 @@
 #include <cstring>
 #include <memory>
 #include <set>
+#include <span>
 
 #include "formfactor/meshes.h"
 #include "interflect/formfactor/closure.h"
