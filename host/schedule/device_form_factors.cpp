@@ -83,7 +83,7 @@ DeviceFormFactors::DeviceFormFactors(std::unique_ptr<Device> device, const Patch
     return std::move(y.front());
   };
   Scaling scaling = judge(mesh, patches, blockers, options, product, report_);
-  close(mesh, scaling, patches.area);
+  close(mesh, scaling, mesh.area);
   note_change(mesh, scaling, report_);
   report_.scaling = std::move(scaling.d);
   report_.seconds = timer.seconds() - (compile_statistics().seconds - compiled_before);
