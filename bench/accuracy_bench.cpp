@@ -18,6 +18,7 @@
 
 #include "interflect/formfactor/accuracy.h"
 #include "interflect/formfactor/assembly.h"
+#include "interflect/formfactor/estimate.h"
 #include "interflect/scene/patch_mesh.h"
 #include "interflect/scene/scene.h"
 
@@ -73,7 +74,7 @@ void exact_case(const std::string& name, const Scene& scene, double exact) {
   for (const Accuracy& accuracy : accuracies) {
     const FormFactors f = timed(mesh, accuracy);
     const double value = between(f.matrix, mesh, group_surfaces(scene, GroupBy::group)).factors[0][1];
-    const double estimate = row_error(mesh.area, mesh.size(), f.report.tile_variance);
+    const double estimate = row_sum_error(f.report.tile_variance, mesh.area).rms;
     fmt::print("| {} | {} | {} | {:.6f} | {:.6f} | {:.1e} | {:.1e} | {:.3f} |\n", name, mesh.size(), text_of(accuracy),
                exact, value, std::abs(value - exact), estimate, f.report.seconds);
   }
@@ -110,7 +111,7 @@ void scene_case(const std::string& path, double divide, double finest) {
     if (accuracy.eps < 2 * finest) continue;  // the reference's own error would count
     const FormFactors f = timed(mesh, accuracy);
     const Errors e = errors(f, reference);
-    const double estimate = row_error(mesh.area, mesh.size(), f.report.tile_variance);
+    const double estimate = row_sum_error(f.report.tile_variance, mesh.area).rms;
     fmt::print("| {} | {} | {} | {:.1e} | {:.1e} | {:.2f} | {:.1e} | {:.1e} | {:.3g} | {:.2f} |\n", scene.name,
                mesh.size(), text_of(accuracy), e.rms, estimate, estimate / e.rms, e.max_row, e.max_factor,
                static_cast<double>(f.report.rays), f.report.seconds);

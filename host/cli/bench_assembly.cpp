@@ -9,7 +9,8 @@
 #include <utility>
 
 #include "interflect/base/error.h"
-#include "interflect/base/timer.h"
+#include "interflect/device/registry.h"
+#include "interflect/schedule/device_form_factors.h"
 #include "measurement.h"
 #include "pipeline.h"
 
@@ -63,7 +64,7 @@ Timed assembling(const std::string& id, const MeshedScene& scene, const Assembly
 
 AssemblyReport assembly_on(const std::string& id, const PatchMesh& mesh, const AssemblyOptions& options) {
   if (id == "openmp") return assemble(mesh, options).report;
-  throw Error(ErrorKind::limit, id + ": form factors are not assembled there yet");
+  return DeviceFormFactors(open_device(id), mesh, options).report();
 }
 
 std::vector<BenchRow> bench_assembly(const AssemblyPlan& plan, const SceneOptions& scene_options,

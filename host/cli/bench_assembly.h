@@ -23,7 +23,8 @@ struct AssemblyPlan {
 [[nodiscard]] std::vector<BenchRow> bench_assembly(const AssemblyPlan& plan, const SceneOptions& scene,
                                                    const std::string& label, ProgressSink& progress);
 
-/// F of a mesh made on a device, and thrown away. openmp: through Embree. Throws what the assembly throws.
+/// F of a mesh made on a device, where it stays, and thrown away. openmp: through Embree. Throws what the assembly
+/// throws.
 [[nodiscard]] AssemblyReport assembly_on(const std::string& id, const PatchMesh& mesh, const AssemblyOptions& options);
 
 }  // namespace interflect::cli

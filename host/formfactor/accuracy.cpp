@@ -9,8 +9,6 @@
 #include <utility>
 
 #include "interflect/base/error.h"
-#include "interflect/formfactor/patch_table.h"
-#include "interflect/formfactor/tile_maker.h"
 
 namespace interflect {
 
@@ -62,46 +60,6 @@ RayBudget budget_of(const Accuracy& accuracy) {
   out.ratios.three_points *= static_cast<float>(std::clamp(nearer, 0.7, 2.0));
   out.ratios.six_points *= static_cast<float>(std::clamp(nearer, 0.7, 2.0));
   return out;
-}
-
-namespace {
-
-/// What turns a tile's variance into the sum over its rows and columns of the rows' variances: the mean of A_j / A_i +
-/// A_i / A_j over its pairs, each with the share of the variance that falls to it. That goes like min(A_i, A_j) where
-/// the rays go with F. Every fourth patch of a block stands for it.
-double ratio_of_areas(std::span<const double> rows, std::span<const double> columns) {
-  constexpr std::size_t step = 4;
-  double sum = 0, weights = 0;
-  for (std::size_t a = 0; a < rows.size(); a += step) {
-    for (std::size_t b = 0; b < columns.size(); b += step) {
-      const double low = std::min(rows[a], columns[b]), high = std::max(rows[a], columns[b]);
-      if (!(low > 0)) continue;
-      sum += low * (high / low + low / high);
-      weights += low;
-    }
-  }
-  return weights > 0 ? sum / weights : 0;
-}
-
-}  // namespace
-
-double row_error(std::span<const double> area, std::size_t patches, std::span<const float> variance) {
-  const std::uint64_t blocks = (patches + PatchTable::block - 1) / PatchTable::block;
-  if (variance.size() != tiles_in_rows(0, blocks, blocks)) {
-    throw Error(ErrorKind::internal, fmt::format("{} variances for {} patches", variance.size(), patches));
-  }
-  const auto block = [&](std::size_t b) {
-    const std::size_t first = b * PatchTable::block;
-    return area.subspan(first, std::min<std::size_t>(PatchTable::block, patches - first));
-  };
-  double sum = 0;
-  std::size_t tile = 0;
-  for (std::size_t r = 0; r < blocks; ++r) {
-    for (std::size_t c = r; c < blocks; ++c, ++tile) {
-      if (variance[tile] > 0) sum += static_cast<double>(variance[tile]) * ratio_of_areas(block(r), block(c));
-    }
-  }
-  return patches > 0 ? std::sqrt(sum / static_cast<double>(patches)) : 0;
 }
 
 }  // namespace interflect

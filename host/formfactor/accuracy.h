@@ -39,9 +39,4 @@ struct RayBudget {
 /// The budget whose rays leave at most about accuracy.eps.
 [[nodiscard]] RayBudget budget_of(const Accuracy& accuracy);
 
-/// The rms over all patches of the expected error of a row sum Σ_j F_ij: σ²(F_ij) is a pair's share of its tile's
-/// variance times A_j / A_i; the shares are taken to go like min(A_i, A_j). `variance` as TileFacts::variance of all
-/// tile rows, areas as PatchTable::area. Throws an internal Error when there are not as many variances as tiles.
-[[nodiscard]] double row_error(std::span<const double> area, std::size_t patches, std::span<const float> variance);
-
 }  // namespace interflect

@@ -18,7 +18,7 @@ namespace {
 constexpr std::size_t block = PatchTable::block;
 
 /// Where a tile's variance lies among its pairs is not kept. σ²(S_ij) / (A_i A_j) is taken as proportional to
-/// min(A_i, A_j): rays are given by the larger of the two form factors, S / min(A_i, A_j). See row_error().
+/// min(A_i, A_j): rays are given by the larger of the two form factors, S / min(A_i, A_j).
 class Spread {
  public:
   Spread(const std::vector<double>& area, const std::function<double(std::size_t)>& weight) : area_(area) {

@@ -112,7 +112,7 @@ struct ShadowRay {
 
 /// Rays shorter than this many lifts weigh no more than those of that length: what they meet is rounding, and near a
 /// common edge a single one of them could decide about a pair.
-inline constexpr float shortest_in_lifts = 32;
+inline constexpr float shortest_in_lifts = 128;
 
 /// Ray number k of the samples that start at `from` on a and at `to` on b; its ends are moved off the facets by `lift`,
 /// at most by a quarter of their distance from the other's plane.

@@ -89,7 +89,7 @@ FUNCTION ShadowRay ray_of(TILE_PARAMETERS RaySource source, uint k) {
   const float over_from = dot3(source.normal_from, between), over_to = -dot3(source.normal_to, between);
   const vec3 start = smaller(args.lift, 0.25f * over_from) * source.normal_from,
              end = smaller(args.lift, 0.25f * over_to) * source.normal_to;
-  const float shortest = 32.0f * args.lift;  // sampling::shortest_in_lifts
+  const float shortest = 128.0f * args.lift;  // sampling::shortest_in_lifts
   const float inverse = 1.0f / larger(dot3(between, between), shortest * shortest);
   ShadowRay ray;
   ray.origin = source.hi + (source.lo + (p + start));

@@ -10,6 +10,7 @@
 
 #include "backends/devices.h"
 #include "cli/program.h"
+#include "device/kernel_folder.h"
 
 namespace interflect::test {
 namespace {
@@ -111,6 +112,43 @@ TEST(AssemblyOption, AWrongOneIsAUsageError) {
   const Outcome outcome = run_program({"solve", scene_file("cornell-box.obj"), "--assembly", "moon"});
   EXPECT_EQ(outcome.status, 2);
   EXPECT_THAT(outcome.err, HasSubstr("--assembly"));
+}
+
+/// Rows of `bench --assembly`, of a small scene: Embree's and a device's.
+json assembly_rows(const std::vector<std::string>& environment, int status) {
+  const Folder folder;
+  const Outcome outcome =
+      run_program({"bench", "--assembly", "--device", "openmp,opencl:0", "--scene", scene_file("furnace.obj"),
+                   "--repetitions", "1", "--json", folder.file("b.json")},
+                  environment);
+  EXPECT_EQ(outcome.status, status) << outcome.out << outcome.err;
+  return json::parse(content_of(folder.file("b.json"))).at("rows");
+}
+
+TEST(BenchAssembly, HoldsADeviceAgainstTheEmbreePath) {
+  if (const std::string why = why_unavailable("opencl:0"); !why.empty()) GTEST_SKIP() << why;
+  const json rows = assembly_rows({}, 0);
+  ASSERT_EQ(rows.size(), 2U);
+  for (const json& row : rows) {
+    EXPECT_EQ(row.at("what"), "assembly");
+    EXPECT_EQ(row.at("scene"), "furnace");
+    EXPECT_EQ(row.at("status"), "pass") << row.dump();
+    EXPECT_GT(row.at("seconds").get<double>(), 0);
+  }
+  EXPECT_TRUE(rows.at(1).at("embree_ratio").is_number());
+  EXPECT_TRUE(rows.at(0).at("embree_ratio").is_null());
+}
+
+/// The twin: a kernel that forgets the mirrored half makes other row sums.
+TEST(BenchAssembly, SeesAWrongAssembly) {
+  if (const std::string why = why_unavailable("opencl:0"); !why.empty()) GTEST_SKIP() << why;
+  KernelFolder kernels;
+  kernels.replace("shared/tile_store.h", "PANEL_AT(row_j, i) = s;", "PANEL_AT(row_j, i) = 0.0f;");
+  const json rows = assembly_rows({"INTERFLECT_KERNEL_DIR=" + kernels.path().string()}, 4);
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_EQ(rows.at(0).at("status"), "pass");
+  EXPECT_EQ(rows.at(1).at("status"), "fail");
+  EXPECT_EQ(rows.at(1).at("reason"), "row sums differ");
 }
 
 }  // namespace

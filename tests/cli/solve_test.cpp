@@ -197,7 +197,8 @@ TEST(Check, EveryKernelPasses) {
   const json rows = json::parse(outcome.out);
   ASSERT_GT(rows.size(), 20U);
   for (const json& row : rows) {
-    EXPECT_EQ(row.at("status"), "pass") << row.dump();
+    // The assembly is Embree's on the processor: no kernel of that device.
+    EXPECT_EQ(row.at("status"), row.at("kernel") == "assembly" ? "unsupported" : "pass") << row.dump();
     EXPECT_LE(row.at("error").get<double>(), row.at("bound").get<double>()) << row.dump();
   }
 }

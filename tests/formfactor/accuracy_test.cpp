@@ -11,6 +11,7 @@
 #include "formfactor/broken.h"
 #include "interflect/base/error.h"
 #include "interflect/formfactor/assembly.h"
+#include "interflect/formfactor/estimate.h"
 #include "interflect/formfactor/shadow_rays.h"
 
 namespace interflect {
@@ -71,7 +72,7 @@ Result compute(const PatchMesh& mesh, double eps, std::uint64_t seed) {
   AssemblyOptions options = test::raw(seed);
   options.budget = budget_of({eps});
   const AssemblyReport report = assemble(mesh, options).report;
-  return {report.row_sum_before, row_error(mesh.area, mesh.size(), report.tile_variance)};
+  return {report.row_sum_before, row_sum_error(report.tile_variance, mesh.area).rms};
 }
 
 double rms(const Result& a, const Result& b) {
@@ -140,9 +141,9 @@ TEST(Accuracy, TheRowErrorOfGivenVariances) {
   std::vector<double> area(64, 1.0);
   std::fill(area.begin() + 32, area.end(), 4.0);
   const std::vector<float> variance{0.5F, 2, 0.25F};
-  EXPECT_NEAR(row_error(area, 64, variance), std::sqrt((0.5 * 2 + 2 * 4.25 + 0.25 * 2) / 64), 1e-12);
-  EXPECT_THROW((void)row_error(area, 64, std::vector<float>(2)), Error);
-  EXPECT_EQ(row_error({}, 0, {}), 0);
+  EXPECT_NEAR(row_sum_error(variance, area).rms, std::sqrt((0.5 * 2 + 2 * 4.25 + 0.25 * 2) / 64), 1e-12);
+  EXPECT_THROW((void)row_sum_error(std::vector<float>(2), area), Error);
+  EXPECT_EQ(row_sum_error({}, {}).rms, 0);
 }
 
 /// The rays that SIMD makes are those of sampling::shadow_ray(), in order, less those of weight 0.

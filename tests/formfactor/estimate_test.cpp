@@ -38,10 +38,14 @@ struct Made {
   [[nodiscard]] double square(std::size_t i, std::size_t j) const {
     if (i == j) return 0;
     const std::size_t r = std::min(i, j) / 32, c = std::max(i, j) / 32;
-    const auto height = static_cast<double>(r == 2 ? 6 : 32), width = static_cast<double>(c == 2 ? 6 : 32);
-    const double pairs = r == c ? height * (height - 1) / 2 : height * width;
+    double all = 0;
+    for (std::size_t a = 32 * r; a < std::min<std::size_t>(70, 32 * r + 32); ++a) {
+      for (std::size_t b = r == c ? a + 1 : 32 * c; b < std::min<std::size_t>(70, 32 * c + 32); ++b) {
+        all += std::min(area[a], area[b]);
+      }
+    }
     const std::size_t tile = r == 0 ? c : r == 1 ? 2 + c : 5;
-    return static_cast<double>(variance[tile]) / pairs * area[j] / area[i];
+    return static_cast<double>(variance[tile]) * std::min(area[i], area[j]) / all * area[j] / area[i];
   }
 };
 

@@ -23,7 +23,7 @@ struct Launch {
   std::uint32_t groups = 0;
   std::uint32_t buffers = 0;  ///< how many of memory are used
   std::array<DevicePointer, 8> memory{};
-  std::array<std::byte, 64> arguments{};
+  std::array<std::byte, 128> arguments{};
   const std::string* name = nullptr;  ///< the kernel's
   std::string label;
 
