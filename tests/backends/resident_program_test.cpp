@@ -78,7 +78,7 @@ TEST(AssemblyOption, OnTheDeviceTheLightIsTheSameAndFStaysThere) {
 }
 
 TEST(AssemblyOption, ASixteenBitFormatIsPackedOfWhatTheDeviceMade) {
-  if (!why_unavailable("opencl:0").empty()) GTEST_SKIP();
+  if (const std::string why = why_unavailable("opencl:0"); !why.empty()) GTEST_SKIP() << why;
   const SolveRun host = solve({"--device", "openmp"});
   const SolveRun packed = solve({"--device", "opencl:0", "--assembly", "device", "--storage", "tiled16"});
   EXPECT_EQ(packed.report.at("assembly").at("device"), "opencl:0");
@@ -89,7 +89,7 @@ TEST(AssemblyOption, ASixteenBitFormatIsPackedOfWhatTheDeviceMade) {
 }
 
 TEST(AssemblyOption, OfFormfactorsMakesTheSameTable) {
-  if (!why_unavailable("opencl:0").empty()) GTEST_SKIP();
+  if (const std::string why = why_unavailable("opencl:0"); !why.empty()) GTEST_SKIP() << why;
   const auto table = [](const std::vector<std::string>& options) {
     std::vector<std::string> arguments = {"formfactors", scene_file("cornell-box.obj"), "--patches", "400", "--json"};
     arguments.insert(arguments.end(), options.begin(), options.end());
