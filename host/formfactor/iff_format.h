@@ -24,7 +24,7 @@ inline constexpr std::uint32_t state_finished = 1;
 inline constexpr std::uint32_t most_patches = 1U << 30;
 
 /// The version of the arithmetic behind S: raised when the same geometry, accuracy and seed give other bits.
-inline constexpr std::uint32_t algorithm = 1;
+inline constexpr std::uint32_t algorithm = 2;
 
 inline constexpr std::uint32_t maker_embree = 0, maker_device = 1;
 

@@ -182,11 +182,16 @@ Vec3 centroid(const Polygon& a) {
   return weight > 0 ? sum / weight : a.corner[0];
 }
 
-Polygon clip(const std::array<Vec3, 3>& triangle, const Plane& plane) {
+Polygon clip(const std::array<Vec3, 3>& triangle, const Plane& plane, double on_plane) {
   Polygon out;
+  std::array<double, 3> distance{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    distance[k] = plane.distance(triangle[k]);
+    if (std::abs(distance[k]) <= on_plane) distance[k] = 0;
+  }
   for (std::size_t k = 0; k < 3; ++k) {
     const Vec3 p = triangle[k], q = triangle[(k + 1) % 3];
-    const double dp = plane.distance(p), dq = plane.distance(q);
+    const double dp = distance[k], dq = distance[(k + 1) % 3];
     if (dp >= 0) out.corner[out.size++] = p;
     if ((dp > 0 && dq < 0) || (dp < 0 && dq > 0)) out.corner[out.size++] = p + (dp / (dp - dq)) * (q - p);
   }

@@ -33,8 +33,9 @@ struct Plane {
 [[nodiscard]] double area(const Polygon& a);
 [[nodiscard]] Vec3 centroid(const Polygon& a);
 
-/// The part of a triangle in front of the plane; empty (size 0) when nothing is.
-[[nodiscard]] Polygon clip(const std::array<Vec3, 3>& triangle, const Plane& plane);
+/// The part of a triangle in front of the plane; empty (size 0) when nothing is. Corners within `on_plane` of the plane
+/// lie on it: rounding does not decide which corner comes first, so that all backends place their samples alike.
+[[nodiscard]] Polygon clip(const std::array<Vec3, 3>& triangle, const Plane& plane, double on_plane = 0);
 
 /// ∫∫ ln|x − y| dx·dy over the edges a0→a1 and b0→b1: one integration in closed form, the other by Gauss-Legendre with
 /// points graded towards the places where the inner integral is not smooth; both in closed form when the edges are

@@ -97,7 +97,8 @@ class PairTile {
   [[nodiscard]] std::size_t column_patch(std::size_t pair) const { return first_column_ + pair % block; }
   [[nodiscard]] kernel::Polygon whole(std::size_t patch) const { return kernel::Polygon(patches_.triangle(patch)); }
   [[nodiscard]] kernel::Polygon part_in_front(std::size_t patch, std::size_t other) const {
-    return kernel::clip(patches_.triangle(patch), patches_.plane(other));
+    return kernel::clip(patches_.triangle(patch), patches_.plane(other),
+                        patches_.tolerance[patch] + patches_.tolerance[other]);
   }
 
   const PatchTable& patches_;

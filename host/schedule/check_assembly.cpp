@@ -170,7 +170,8 @@ bool meets(Vec3 origin, Vec3 direction, const std::array<Vec3, 3>& t) {
 double visible_share(const PatchTable& patches, std::uint32_t i, std::uint32_t j, const RayBudget& budget, double s) {
   const auto facet = [&](std::size_t patch, std::size_t other) {
     const kernel::Polygon whole(patches.triangle(patch)),
-        part = kernel::clip(patches.triangle(patch), patches.plane(other));
+        part = kernel::clip(patches.triangle(patch), patches.plane(other),
+                            patches.tolerance[patch] + patches.tolerance[other]);
     const bool straddles = kernel::area(whole) - kernel::area(part) > patches.tolerance[patch] * patches.radius[patch];
     return sampling::Facet(straddles ? part : whole, patches.front(patch));
   };

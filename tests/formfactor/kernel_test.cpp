@@ -157,5 +157,27 @@ TEST(Kernel, ClipKeepsWhatLiesInFront) {
   EXPECT_EQ(clip(t, {{0, 0, 1}, 1}).size, 0U) << "an edge alone is nothing";
 }
 
+// A fan that began at another corner would give every sample another place.
+TEST(Kernel, ClipPutsTheSameCornerFirstWhateverRoundingSays) {
+  const Plane plane{{0, 0, 1}, 0};
+  const Corners exact{Vec3{0, 0, 0}, Vec3{1, 0, 0}, Vec3{0, 1, 1}};
+  const Polygon expected = clip(exact, plane, 1e-9);
+  ASSERT_EQ(expected.size, 3U);
+  for (const double a : {-1e-12, 0.0, 1e-12}) {
+    for (const double b : {-1e-12, 0.0, 1e-12}) {
+      Corners t = exact;
+      t[0].z = a;
+      t[1].z = b;
+      const Polygon part = clip(t, plane, 1e-9);
+      ASSERT_EQ(part.size, 3U) << a << ' ' << b;
+      for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(length(part.corner[k] - expected.corner[k]), 0, 1e-11);
+    }
+  }
+  Corners t = exact;
+  t[0].z = -1e-12;
+  t[1].z = 1e-12;
+  EXPECT_GT(length(clip(t, plane).corner[0] - expected.corner[0]), 0.1) << "without it the first corner moves";
+}
+
 }  // namespace
 }  // namespace interflect::kernel
