@@ -29,7 +29,7 @@ namespace {
 struct Options {
   SceneOptions scene;
   std::vector<std::string> outputs;
-  std::string device = "openmp";
+  std::string device = "auto";
   std::string assembly = "auto";
   bool repair = false;
   bool between = false;

@@ -108,6 +108,24 @@ TEST(AssemblyOption, OfFormfactorsMakesTheSameTable) {
   EXPECT_EQ(table({"--device", "opencl:0"}).at("assembly").at("device"), "host");
 }
 
+/// --memory holds for F on a device as well, and is looked at before any work.
+TEST(AssemblyOption, WhatExceedsTheMemoryAskedForDoesNotStayOnTheDevice) {
+  if (const std::string why = why_unavailable("opencl:0"); !why.empty()) GTEST_SKIP() << why;
+  const auto with = [](const std::string& memory) {
+    return run_program({"solve", scene_file("cornell-box.obj"), "--patches", "400", "--device", "opencl:0",
+                        "--assembly", "device", "--memory", memory});
+  };
+  const Outcome small = with("100K");  // F takes 400 x 400 x 4 = 625 KiB or so
+  EXPECT_EQ(small.status, 6) << small.err;
+  EXPECT_THAT(small.error_lines(), testing::ElementsAre(testing::AllOf(HasSubstr("--memory allows 100K"),
+                                                                       HasSubstr("--form-factors FILE.iff"))));
+  EXPECT_THAT(small.out, testing::IsEmpty());
+  EXPECT_EQ(with("much").status, 2);
+  const Outcome enough = with("4M");
+  EXPECT_EQ(enough.status, 0) << enough.err;
+  EXPECT_THAT(enough.out, HasSubstr(" s on opencl:0"));
+}
+
 TEST(AssemblyOption, AWrongOneIsAUsageError) {
   const Outcome outcome = run_program({"solve", scene_file("cornell-box.obj"), "--assembly", "moon"});
   EXPECT_EQ(outcome.status, 2);

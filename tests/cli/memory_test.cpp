@@ -121,6 +121,8 @@ TEST(Memory, SaysWhatDoesNotFitAndHow) {
   for (const char* size : {"much", "-4G", ""}) {
     const Outcome wrong = run_program(solving({"--memory", size}));
     EXPECT_EQ(wrong.status, 2) << size;
+    // Before any file is looked at.
+    EXPECT_EQ(run_program({"formfactors", folder.file("none.iff"), "--memory", size}).status, 2) << size;
   }
   const Outcome packed = run_program(
       solving({"--memory", quarter, "--storage", "sym16", "--form-factors", folder.file("b.iff")}), {small_panels});
