@@ -22,6 +22,7 @@
 #include "schedule/counting_device.h"
 #include "schedule/embree_on_device.h"
 #include "schedule/failing_device.h"
+#include "solver/light.h"
 
 namespace interflect {
 namespace {
@@ -51,18 +52,6 @@ struct Light {
   }
   Columns reflectance, emittance;
 };
-
-double difference(const Columns& a, const Columns& b) {
-  double largest = 0, off = 0;
-  for (std::size_t c = 0; c < a.size(); ++c) {
-    for (std::size_t i = 0; i < a[c].size(); ++i) {
-      largest = std::max(largest, std::abs(static_cast<double>(b[c][i])));
-      const double d = std::abs(static_cast<double>(a[c][i]) - static_cast<double>(b[c][i]));
-      off = d <= off ? off : d;  // takes a NaN
-    }
-  }
-  return off / largest;
-}
 
 Columns solved(Scheduler& scheduler, const PatchMesh& mesh) {
   const Light light(mesh);
