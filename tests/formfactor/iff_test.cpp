@@ -16,6 +16,7 @@
 #include "interflect/formfactor/iff_closing.h"
 #include "interflect/formfactor/iff_file.h"
 #include "interflect/formfactor/iff_store.h"
+#include "sanitized.h"
 
 namespace interflect {
 namespace {
@@ -208,6 +209,26 @@ TEST_F(Iff, ATruncatedFileIsFoundAtEveryLength) {
   EXPECT_THAT(error_of([&] { (void)IffFile::open(file("none.iff")); }), HasSubstr("No such file"));
 }
 
+/// While it lives, this process may have no more than 64 MiB of address space beyond what it has. Not under a sanitizer,
+/// which needs more of it than there is memory.
+class LittleMemory {
+ public:
+  LittleMemory() {
+    ::getrlimit(RLIMIT_AS, &before_);
+    std::uint64_t pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    struct rlimit tight = before_;
+    tight.rlim_cur = pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) + (std::uint64_t{64} << 20);
+    if (!test::sanitized) ::setrlimit(RLIMIT_AS, &tight);
+  }
+  LittleMemory(const LittleMemory&) = delete;
+  LittleMemory& operator=(const LittleMemory&) = delete;
+  ~LittleMemory() { ::setrlimit(RLIMIT_AS, &before_); }
+
+ private:
+  struct rlimit before_ {};
+};
+
 /// Headers whose checksum is right and whose numbers are not.
 TEST_F(Iff, LyingHeadersAreRefusedWithoutAllocating) {
   (void)make(file());
@@ -221,8 +242,13 @@ TEST_F(Iff, LyingHeadersAreRefusedWithoutAllocating) {
     std::string bytes = whole;
     std::memcpy(bytes.data(), &lying, sizeof lying);
     write(file("lie.iff"), bytes);
+    const LittleMemory limit;
     return error_of([&] { (void)IffFile::open(file("lie.iff")); });
   };
+  if (!test::sanitized) {  // the twin: as much as the table of a huge matrix would need is refused
+    const LittleMemory limit;
+    EXPECT_THROW((void)std::make_unique<char[]>(std::size_t{1} << 30), std::bad_alloc);
+  }
   EXPECT_EQ(refused([](iff::HeaderBytes&) {}), "");
   EXPECT_THAT(refused([](iff::HeaderBytes& h) { h.n = 0; }), HasSubstr("0 patches"));
   EXPECT_THAT(refused([](iff::HeaderBytes& h) { h.n = ~0U; }), HasSubstr("patches"));
@@ -308,14 +334,109 @@ TEST_F(Iff, HalfWrittenPanelsDoNotCount) {
   }
 }
 
-TEST_F(Iff, APartialFileOfAnotherKeyIsStartedAnew) {
+TEST_F(Iff, FinishedPanelsOfAnotherKeyAreNotThrownAway) {
   (void)make(file("undisturbed.iff"));
+  const std::string partial = file() + ".partial";
   IffStore::Options options;
   options.stop = [] { return true; };
   EXPECT_NE(error_of([&] { (void)make(file(), options, 2); }, ErrorKind::interrupted), "");
+  const std::string begun = content_of(partial);
+  EXPECT_THAT(error_of([&] { (void)make(file()); }),
+              HasSubstr("its seed is 2, 1 is asked; 1 of its 4 panels are finished: give the options that it was begun "
+                        "with, or remove it"));
+  EXPECT_EQ(content_of(partial), begun);
+  // With nothing finished there is nothing to lose.
+  std::string nothing = begun;
+  std::memset(nothing.data() + iff::Shape::table_offset(), 0, 4 * sizeof(iff::EntryBytes));
+  write(partial, nothing);
   (void)make(file(), saying());
   EXPECT_THAT(said_, ElementsAre(HasSubstr("its seed is 2, 1 is asked: started anew")));
   EXPECT_EQ(content_of(file()), content_of(file("undisturbed.iff")));
+  // A byte of the header is not worth the panels.
+  write(partial, content_of(file()));
+  std::string scratched = content_of(partial);
+  scratched[70] ^= 1;
+  write(partial, scratched);
+  EXPECT_EQ(make(file()).report.panels_reused, 4U);
+  EXPECT_EQ(content_of(file()), content_of(file("undisturbed.iff")));
+}
+
+TEST_F(Iff, APartialFileThatIsSomethingElseIsLeftAlone) {
+  (void)make(file("undisturbed.iff"));
+  std::string newer = content_of(file("undisturbed.iff"));
+  newer[8] = 2;
+  for (const std::string& content : {newer, std::string("the only copy of something"), std::string(9000, 'x')}) {
+    write(file() + ".partial", content);
+    EXPECT_THAT(error_of([&] { (void)make(file()); }), HasSubstr("; remove it, or give another name"));
+    EXPECT_EQ(content_of(file() + ".partial"), content);
+  }
+  write(file() + ".partial", std::string(9000, '\0'));  // the beginning of one that never reached the disk
+  (void)make(file());
+  EXPECT_EQ(content_of(file()), content_of(file("undisturbed.iff")));
+}
+
+TEST_F(Iff, TheBackendsAreNotMixed) {
+  IffStore::Options options;
+  options.stop = [] { return true; };
+  EXPECT_NE(error_of([&] { (void)make(file(), options); }, ErrorKind::interrupted), "");
+  const auto with_maker = [&](std::uint32_t maker) {
+    iff::Shape other = shape();
+    other.key.maker = maker;
+    return other;
+  };
+  EXPECT_THAT(error_of([&] { const IffStore store(file(), with_maker(iff::maker_opencl), {}); }),
+              HasSubstr("the CPU path made it (--assembly host); 1 of its 4 panels are finished"));
+  for (const char* backend : {"opencl", "vulkan", "cuda"}) {
+    const iff::Shape its = with_maker(iff::maker_of(backend));
+    for (const auto& other : {shape(), with_maker(its.key.maker % 3 + 1)}) {
+      EXPECT_THAT(difference(its, other), HasSubstr(std::string("--assembly device --device ") + backend + ":0"));
+    }
+    EXPECT_EQ(difference(its, its), "");
+  }
+  EXPECT_NE(error_of([] { (void)iff::maker_of("openmp"); }, ErrorKind::internal), "");
+}
+
+/// A header with this scene's hash and another n must not reach a matrix of the scene's size.
+TEST_F(Iff, AHeaderOfAnotherSizeWithThisGeometryIsRefused) {
+  (void)make(file("undisturbed.iff"));
+  for (const std::uint32_t n : {200U, 256U, 320U}) {
+    iff::Shape crafted = shape();
+    crafted.n = n;
+    const iff::HeaderBytes header = iff::header_of(crafted);
+    iff::EntryBytes entry{};
+    entry.state = iff::state_finished;
+    std::string bytes = content_of(file("undisturbed.iff"));
+    bytes.resize(crafted.closing_offset() + 100);
+    const auto of = [&](std::uint64_t at, std::uint64_t count) {
+      return iff::checksum(std::as_bytes(std::span(bytes.data() + at, count)));
+    };
+    entry.rows_checksum = of(crafted.panel_offset(0), crafted.panel_bytes(0));
+    entry.variance_checksum = of(crafted.variance_offset(0), crafted.variances(0) * sizeof(float));
+    entry = iff::sealed(entry, header.checksum);
+    std::memcpy(bytes.data(), &header, sizeof header);
+    std::memcpy(bytes.data() + iff::Shape::table_offset(), &entry, sizeof entry);
+    write(file(), bytes);
+    write(file() + ".partial", bytes);
+    const std::string says = "its geometry is another: " + std::to_string(n) + " patches, not 240";
+    for (const auto mode : {IffStore::Mode::make, IffStore::Mode::repair, IffStore::Mode::close, IffStore::Mode::read}) {
+      EXPECT_THAT(error_of([&] { (void)make(file(), {mode, {}, {}}); }), HasSubstr(says));
+    }
+    EXPECT_EQ(content_of(file()), bytes);
+    EXPECT_EQ(content_of(file() + ".partial"), bytes);
+  }
+}
+
+TEST_F(Iff, BuffersOfManyThreadsCountAsMemory) {
+  (void)make(file());
+  const IffFile there = IffFile::open(file());
+  const std::uint64_t matrix = FormFactorMatrix::predicted_bytes(240), buffer = there.shape().panel_bytes(0);
+  EXPECT_EQ(panels_at_a_time(there, matrix + buffer, 8), 1U);
+  EXPECT_EQ(panels_at_a_time(there, matrix + 4 * buffer - 1, 8), 3U);
+  EXPECT_EQ(panels_at_a_time(there, 10 * matrix, 8), 4U) << "panels";
+  EXPECT_EQ(panels_at_a_time(there, 10 * matrix, 2), 2U) << "threads";
+  EXPECT_THAT(error_of([&] { (void)read_form_factors(there, matrix + buffer - 1); }, ErrorKind::limit),
+              HasSubstr("240 patches need"));
+  EXPECT_TRUE(equal(read_form_factors(there, matrix + buffer).matrix, read_form_factors(there).matrix));
 }
 
 TEST_F(Iff, DamagedPanelsAreComputedAgainAlone) {
@@ -343,13 +464,11 @@ TEST_F(Iff, DamagedPanelsAreComputedAgainAlone) {
   EXPECT_THAT(saved_, ElementsAre(2, 3));
 }
 
-/// The twin: panels that come out otherwise are not mixed with the others.
+/// The twin: panels that come out otherwise are not mixed with the others, and the file does not serve afterwards.
 TEST_F(Iff, ARepairByOtherArithmeticIsRefused) {
   (void)make(file());
-  std::string bytes = content_of(file());
+  const std::string whole = content_of(file());
   const iff::Shape shape = this->shape();
-  bytes[shape.panel_offset(1) + 400] ^= 1;
-  write(file(), bytes);
   const auto other_arithmetic = [&] {
     IffStore store(file(), shape, {IffStore::Mode::repair, {}, {}});
     AssemblyOptions assembly;
@@ -357,11 +476,105 @@ TEST_F(Iff, ARepairByOtherArithmeticIsRefused) {
     assembly.seed = 7;  // as another machine's arithmetic would, it gives other values
     (void)assemble(mesh_, assembly);
   };
-  EXPECT_THAT(error_of(other_arithmetic), HasSubstr("panel 1 (rows 64 to 127) comes out otherwise"));
+  const std::uint64_t rows_of_1 = shape.panel_offset(1) + 400, rows_of_2 = shape.panel_offset(2) + 400;
+  const std::uint64_t entry_of_1 = iff::Shape::table_offset() + sizeof(iff::EntryBytes) + 24;
+  for (const auto& [at, panel] : {std::pair(rows_of_1, "panel 1 (rows 64 to 127)"),
+                                  std::pair(rows_of_2, "panel 2 (rows 128 to 191)"),
+                                  std::pair(entry_of_1, "panel 1 (rows 64 to 127)")}) {
+    std::string bytes = whole;
+    bytes[at] ^= 1;
+    write(file(), bytes);
+    for (int again = 0; again < 2; ++again) {  // the first try must not make the file look sound
+      EXPECT_THAT(error_of(other_arithmetic), HasSubstr(std::string(panel) + " comes out otherwise")) << at;
+      EXPECT_THAT(error_of([&] { (void)read_form_factors(IffFile::open(file())); }),
+                  HasSubstr(std::string(panel) + ": checksum differs"));
+    }
+    (void)make(file(), saying(IffStore::Mode::repair));
+    EXPECT_EQ(content_of(file()), whole) << "what made it can still repair it";
+  }
   EXPECT_THAT(error_of([&] {
                 (void)make(file(), {IffStore::Mode::repair, {}, {}}, 2);
               }),
               HasSubstr("does not fit: its seed is 1, 2 is asked"));
+}
+
+TEST_F(Iff, AnInterruptedRepairGoesOn) {
+  (void)make(file());
+  const std::string whole = content_of(file());
+  for (const std::vector<std::uint32_t>& panels : {std::vector<std::uint32_t>{1}, {0, 2}, {2, 3}}) {
+    std::string bytes = whole;
+    for (const std::uint32_t panel : panels) {  // the entry and the rows
+      bytes[iff::Shape::table_offset() + panel * sizeof(iff::EntryBytes) + 24] ^= 1;
+      bytes[shape().panel_offset(panel) + 40] ^= 1;
+    }
+    write(file(), bytes);
+    const IffStore::Options stopped{IffStore::Mode::repair, [] { return true; }, {}};
+    EXPECT_THAT(error_of([&] { (void)make(file(), stopped); }, ErrorKind::interrupted), HasSubstr("panels are kept"));
+    (void)make(file(), saying(IffStore::Mode::repair));
+    EXPECT_EQ(content_of(file()), whole);
+  }
+}
+
+/// Only a file that was made from this scene with these options gets its header back.
+TEST_F(Iff, ARepairLeavesWhatIsSomethingElseAsItIs) {
+  (void)make(file("undisturbed.iff"));
+  (void)make(file("seed2.iff"), {}, 2);
+  std::string of_seed_2 = content_of(file("seed2.iff")), newer = of_seed_2;
+  of_seed_2[70] ^= 1;
+  newer[8] = 2;
+  for (const std::string& content :
+       {std::string("not form factors"), std::string(100'000, 'x'), std::string(), of_seed_2, newer}) {
+    write(file(), content);
+    EXPECT_THAT(error_of([&] { (void)make(file(), saying(IffStore::Mode::repair)); }),
+                HasSubstr("no panel in it is of this scene with these options"));
+    EXPECT_EQ(content_of(file()), content);
+  }
+  // The twin: with the seed that it was made with.
+  write(file(), of_seed_2);
+  (void)make(file(), saying(IffStore::Mode::repair), 2);
+  EXPECT_EQ(content_of(file()), content_of(file("seed2.iff")));
+  EXPECT_THAT(said_, ElementsAre(HasSubstr("header: checksum differs: its header is written again")));
+}
+
+/// Whatever a kill, or a full disk, leaves of a closing section that is written anew: the panels serve on.
+TEST_F(Iff, ABrokenClosingSectionIsWrittenAnew) {
+  (void)make(file("undisturbed.iff"));
+  const std::string whole = content_of(file("undisturbed.iff"));
+  const std::uint64_t end = shape().closing_offset();
+  // The store keeps the panels; the closing section is another one.
+  const auto close = [&](Closure closure) {
+    IffStore store(file(), shape(), {IffStore::Mode::close, {}, {}});
+    AssemblyOptions assembly;
+    assembly.panels = &store;
+    assembly.closure = closure;
+    const FormFactors out = assemble(mesh_, assembly);
+    EXPECT_EQ(out.report.panels_reused, 4U);
+    store.finish(iff_closing(mesh_, materials_, closure, out.report));
+  };
+  write(file(), whole);
+  close(Closure::off);
+  const std::string open_one = content_of(file());
+  EXPECT_TRUE(IffFile::open_panels(file()).closed_as(Closure::off));
+  ASSERT_NE(open_one, whole);
+  for (const std::uint64_t reached : {end, end + 3, end + 16, end + 400, std::uint64_t{whole.size()} - 1}) {
+    for (const bool cut : {false, true}) {  // what was there before lies behind, or nothing does
+      write(file(), open_one.substr(0, reached) + (cut ? "" : whole.substr(reached)));
+      if (content_of(file()) == whole || content_of(file()) == open_one) continue;
+      EXPECT_THAT(error_of([&] { (void)IffFile::open(file()); }), HasSubstr("closing section: ")) << reached;
+      const IffFile there = IffFile::open_panels(file());
+      EXPECT_THAT(there.closing_damage(), HasSubstr("closing section: "));
+      EXPECT_FALSE(there.closed_as(Closure::automatic) || there.closed_as(Closure::off));
+      EXPECT_THAT(there.damaged(), IsEmpty());
+      close(Closure::automatic);
+      EXPECT_EQ(content_of(file()), whole) << reached;
+    }
+  }
+  // A damaged panel is not computed behind the user's back.
+  std::string damaged = open_one;
+  damaged[shape().panel_offset(2)] ^= 1;
+  write(file(), damaged);
+  EXPECT_THAT(error_of([&] { close(Closure::automatic); }), HasSubstr("panel 2 (rows 128 to 191): checksum differs"));
+  EXPECT_EQ(content_of(file()), damaged);
 }
 
 TEST_F(Iff, TheGeometryDecidesAndTheLooksDoNot) {
@@ -408,6 +621,25 @@ TEST_F(Iff, AFullDiskLeavesWhatIsFinished) {
     EXPECT_GE(make(file()).report.panels_reused, 2U);
     EXPECT_EQ(content_of(file()), content_of(file("undisturbed.iff")));
   }
+  // The closing section anew, of a complete file.
+  struct rlimit tight = before;
+  tight.rlim_cur = shape.closing_offset() + 20;
+  ::setrlimit(RLIMIT_FSIZE, &tight);
+  const std::string line = error_of(
+      [&] {
+        IffStore store(file(), shape, {IffStore::Mode::close, {}, {}});
+        AssemblyOptions assembly;
+        assembly.panels = &store;
+        assembly.closure = Closure::off;
+        const FormFactors out = assemble(mesh_, assembly);
+        store.finish(iff_closing(mesh_, materials_, assembly.closure, out.report));
+      },
+      ErrorKind::limit);
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_THAT(line, HasSubstr("File too large; 4 of 4 panels are kept in " + file() + ", and the same command goes on"));
+  EXPECT_NE(error_of([&] { (void)IffFile::open(file()); }), "");
+  EXPECT_EQ(make(file(), {IffStore::Mode::close, {}, {}}).report.panels_reused, 4U);
+  EXPECT_EQ(content_of(file()), content_of(file("undisturbed.iff")));
   ::sigaction(SIGXFSZ, &old, nullptr);
 }
 
