@@ -1,7 +1,6 @@
 #include "assembler.h"
 
-#include <fmt/format.h>
-
+#include <algorithm>
 #include <memory>
 
 #include "interflect/base/error.h"
@@ -46,7 +45,11 @@ void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::device) throw;  // also the host's limits, which no device can help with
       const std::string kept = bound ? bound() : "";
-      if (!kept.empty()) throw Error(error.kind(), fmt::format("{}; {}", error.what(), kept));
+      if (!kept.empty()) {
+        std::string text = error.what();  // behind its first line may be a compiler's log
+        text.insert(std::min(text.find('\n'), text.size()), "; " + kept);
+        throw Error(error.kind(), text);
+      }
       candidates_.take().reset();
       candidates_.give_up(error);
     }

@@ -38,9 +38,9 @@ class Assembler {
   Assembler& operator=(const Assembler&) = delete;
 
   /// Calls `act` with options.maker set, and takes the compiler's time off the seconds of the report that it returns.
-  /// When the device fails, the next candidate makes the tiles, all of them anew; unless `bound`, when it is given, says
-  /// what has been kept that no other one may go on with: the device's Error then ends with that. Throws what `act`
-  /// throws, and the last candidate's Error.
+  /// When the device fails, the next candidate makes the tiles, all of them anew; unless `bound`, when it is given,
+  /// says what has been kept that no other one may go on with: the device's Error then says that, too. Throws what
+  /// `act` throws, and the last candidate's Error.
   void run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act,
            const std::function<std::string()>& bound = {});
   /// assemble() by it.

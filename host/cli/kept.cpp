@@ -73,8 +73,8 @@ void leave_in_file(KeptFormFactors& out, const std::string& file, std::uint64_t 
                   static_cast<double>(memory) / mebibyte));
 }
 
-/// `shape` says what the file must be, but in the modes make and repair for who makes the panels: whoever does it in the
-/// end, for those of Embree and of the backends' kernels are not mixed.
+/// `shape` says what the file must be, but in the modes make and repair for who makes the panels: whoever does it in
+/// the end, for those of Embree and of the backends' kernels are not mixed.
 KeptFormFactors work_on(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                         iff::Shape shape, IffStore::Mode mode, Assembler& assembler, ProgressSink& progress) {
   const bool computes = mode == IffStore::Mode::make || mode == IffStore::Mode::repair;
@@ -87,9 +87,9 @@ KeptFormFactors work_on(const std::string& file, const MeshedScene& loaded, cons
   const auto act = [&](AssemblyOptions with_maker) -> AssemblyReport& {
     if (computes) shape.key.maker = assembler.maker();
     store.reset();  // lets go of the lock
-    store.emplace(file, shape,
-                  IffStore::Options{mode, PatientInterrupt::asked,
-                                    [&](const std::string& line) { progress.message(line); }});
+    store.emplace(file, shape, IffStore::Options{mode, PatientInterrupt::asked, [&](const std::string& line) {
+                                                   progress.message(line);
+                                                 }});
     with_maker.panels = &*store;
     if (memory) {
       report = assemble_into(*store, loaded.mesh, with_maker, *memory, &progress);

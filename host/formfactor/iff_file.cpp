@@ -19,7 +19,6 @@ namespace {
 
 constexpr std::string_view how_to_repair = "`--repair` computes it again";
 
-
 std::span<std::byte> bytes_of(std::span<float> values) {
   return std::as_writable_bytes(values);
 }
@@ -84,15 +83,15 @@ void IffFile::read_closing(std::uint64_t bytes) {
     throw input_error(name_, 0, "closing section: it is too long");
   }
   std::vector<std::byte> body(closing.bytes);
-  if (!read_at(file_, name_, end + sizeof closing, body) || iff::checksum(body, seed_of_checksums_) != closing.checksum) {
+  if (!read_at(file_, name_, end + sizeof closing, body) ||
+      iff::checksum(body, seed_of_checksums_) != closing.checksum) {
     throw input_error(name_, 0, "closing section: checksum differs");
   }
   closing_ = iff::decode(body, shape_.n, name_);
 }
 
 Error IffFile::damage(std::uint32_t panel) const {
-  return input_error(name_, 0,
-                     fmt::format("{}: checksum differs; {}", iff::panel_name(shape_, panel), how_to_repair));
+  return input_error(name_, 0, fmt::format("{}: checksum differs; {}", iff::panel_name(shape_, panel), how_to_repair));
 }
 
 void IffFile::read_panel(std::uint32_t panel, std::span<float> rows, bool verify) const {
@@ -150,7 +149,7 @@ namespace {
 /// The panels, so many at a time, each into where the matrix has its rows.
 void read_panels(const IffFile& file, FormFactorMatrix& s, std::uint32_t at_a_time) {
   std::exception_ptr failure;
-#pragma omp parallel num_threads(static_cast<int>(at_a_time))
+#pragma omp parallel num_threads(static_cast <int>(at_a_time))
   {
     std::vector<float> rows;
 #pragma omp for schedule(dynamic)

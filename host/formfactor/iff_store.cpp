@@ -34,8 +34,8 @@ std::filesystem::path target_of(std::filesystem::path path) {
   return path;
 }
 
-/// Whether a FILE.partial with such a header may be our own, of which the machine's fall left the beginning: not when it
-/// is of something else or of another version.
+/// Whether a FILE.partial with such a header may be our own, of which the machine's fall left the beginning: not when
+/// it is of something else or of another version.
 bool may_be_torn(const iff::HeaderBytes& header) {
   if (header.magic == std::array<char, 8>{}) return true;
   return header.magic == iff::magic && header.version == iff::version && header.byte_order == iff::byte_order;
@@ -73,16 +73,11 @@ namespace {
 
 std::string made_by(std::uint32_t maker) {
   switch (maker) {
-    case iff::maker_embree:
-      return "the CPU path made it (--assembly host)";
-    case iff::maker_opencl:
-      return "OpenCL kernels made it (--assembly device --device opencl:0, or whichever it was)";
-    case iff::maker_vulkan:
-      return "Vulkan kernels made it (--assembly device --device vulkan:0, or whichever it was)";
-    case iff::maker_cuda:
-      return "CUDA kernels made it (--assembly device --device cuda:0, or whichever it was)";
-    default:
-      return "another version of the program began it";
+    case iff::maker_embree: return "the CPU path made it (--assembly host)";
+    case iff::maker_opencl: return "OpenCL kernels made it (--assembly device --device opencl:0, or whichever it was)";
+    case iff::maker_vulkan: return "Vulkan kernels made it (--assembly device --device vulkan:0, or whichever it was)";
+    case iff::maker_cuda: return "CUDA kernels made it (--assembly device --device cuda:0, or whichever it was)";
+    default: return "another version of the program began it";
   }
 }
 
@@ -171,7 +166,8 @@ void IffStore::go_on(const iff::Shape& wanted) {
     seed_ = iff::seed_of(shape_);
     table_ = iff::read_table(file_, name_, shape_);
   } catch (const Error& error) {
-    if (!may_be_torn(header)) throw Error(error.kind(), fmt::format("{}; remove it, or give another name", error.what()));
+    if (!may_be_torn(header))
+      throw Error(error.kind(), fmt::format("{}; remove it, or give another name", error.what()));
     if (!restore_header(wanted)) start_anew(error.what());
     return;
   }

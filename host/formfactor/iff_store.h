@@ -64,8 +64,8 @@ class IffStore final : public PanelStore {
   /// The panels that have been saved since the store was opened.
   [[nodiscard]] const std::vector<std::uint32_t>& saved() const { return saved_; }
 
-  /// "3 of 26 panels are kept in FILE.partial, and the same command goes on from there": what this process leaves when it
-  /// ends now, with the panel in hand finished.
+  /// "3 of 26 panels are kept in FILE.partial, and the same command goes on from there": what this process leaves when
+  /// it ends now, with the panel in hand finished.
   [[nodiscard]] std::string how_to_go_on() const;
   /// Whether what is finished fits only the maker in `wanted`: not while FILE.partial has no panel, nor where none is
   /// computed.

@@ -209,8 +209,8 @@ TEST_F(Iff, ATruncatedFileIsFoundAtEveryLength) {
   EXPECT_THAT(error_of([&] { (void)IffFile::open(file("none.iff")); }), HasSubstr("No such file"));
 }
 
-/// While it lives, this process may have no more than 64 MiB of address space beyond what it has. Not under a sanitizer,
-/// which needs more of it than there is memory.
+/// While it lives, this process may have no more than 64 MiB of address space beyond what it has. Not under a
+/// sanitizer, which needs more of it than there is memory.
 class LittleMemory {
  public:
   LittleMemory() {
@@ -418,7 +418,8 @@ TEST_F(Iff, AHeaderOfAnotherSizeWithThisGeometryIsRefused) {
     write(file(), bytes);
     write(file() + ".partial", bytes);
     const std::string says = "its geometry is another: " + std::to_string(n) + " patches, not 240";
-    for (const auto mode : {IffStore::Mode::make, IffStore::Mode::repair, IffStore::Mode::close, IffStore::Mode::read}) {
+    for (const auto mode :
+         {IffStore::Mode::make, IffStore::Mode::repair, IffStore::Mode::close, IffStore::Mode::read}) {
       EXPECT_THAT(error_of([&] { (void)make(file(), {mode, {}, {}}); }), HasSubstr(says));
     }
     EXPECT_EQ(content_of(file()), bytes);
@@ -478,9 +479,9 @@ TEST_F(Iff, ARepairByOtherArithmeticIsRefused) {
   };
   const std::uint64_t rows_of_1 = shape.panel_offset(1) + 400, rows_of_2 = shape.panel_offset(2) + 400;
   const std::uint64_t entry_of_1 = iff::Shape::table_offset() + sizeof(iff::EntryBytes) + 24;
-  for (const auto& [at, panel] : {std::pair(rows_of_1, "panel 1 (rows 64 to 127)"),
-                                  std::pair(rows_of_2, "panel 2 (rows 128 to 191)"),
-                                  std::pair(entry_of_1, "panel 1 (rows 64 to 127)")}) {
+  for (const auto& [at, panel] :
+       {std::pair(rows_of_1, "panel 1 (rows 64 to 127)"), std::pair(rows_of_2, "panel 2 (rows 128 to 191)"),
+        std::pair(entry_of_1, "panel 1 (rows 64 to 127)")}) {
     std::string bytes = whole;
     bytes[at] ^= 1;
     write(file(), bytes);
@@ -636,7 +637,8 @@ TEST_F(Iff, AFullDiskLeavesWhatIsFinished) {
       },
       ErrorKind::limit);
   ::setrlimit(RLIMIT_FSIZE, &before);
-  EXPECT_THAT(line, HasSubstr("File too large; 4 of 4 panels are kept in " + file() + ", and the same command goes on"));
+  EXPECT_THAT(line,
+              HasSubstr("File too large; 4 of 4 panels are kept in " + file() + ", and the same command goes on"));
   EXPECT_NE(error_of([&] { (void)IffFile::open(file()); }), "");
   EXPECT_EQ(make(file(), {IffStore::Mode::close, {}, {}}).report.panels_reused, 4U);
   EXPECT_EQ(content_of(file()), content_of(file("undisturbed.iff")));
