@@ -1,9 +1,11 @@
 #include "assembler.h"
 
+#include <algorithm>
 #include <memory>
 
 #include "interflect/base/error.h"
 #include "interflect/device/compile_cache.h"
+#include "interflect/formfactor/iff_format.h"
 #include "interflect/schedule/device_tile_maker.h"
 
 namespace interflect::cli {
@@ -27,7 +29,8 @@ bool assembles(AssemblyPlace place, const DeviceInfo& device) {
   return place == AssemblyPlace::device || device.type != DeviceType::cpu;  // there Embree does it faster
 }
 
-void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act) {
+void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act,
+                    const std::function<std::string()>& bound) {
   while (assembles(place_, candidates_.info())) {
     try {
       Device& device = candidates_.device();
@@ -41,6 +44,12 @@ void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&
       return;
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::device) throw;  // also the host's limits, which no device can help with
+      const std::string kept = bound ? bound() : "";
+      if (!kept.empty()) {
+        std::string text = error.what();  // behind its first line may be a compiler's log
+        text.insert(std::min(text.find('\n'), text.size()), "; " + kept);
+        throw Error(error.kind(), text);
+      }
       candidates_.take().reset();
       candidates_.give_up(error);
     }
@@ -48,6 +57,11 @@ void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&
   options.maker = {};
   use_ = {};
   static_cast<void>(act(options));
+}
+
+std::uint32_t Assembler::maker() {
+  const DeviceInfo& device = candidates_.info();
+  return assembles(place_, device) ? iff::maker_of(device.backend) : iff::maker_embree;
 }
 
 FormFactors Assembler::assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink& progress) {
