@@ -1,3 +1,5 @@
+#include "solve.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,6 +17,7 @@
 #include "interflect/schedule/storage_choice.h"
 #include "kept.h"
 #include "outputs.h"
+#include "page.h"
 #include "parse.h"
 #include "pipeline.h"
 #include "place.h"
@@ -27,6 +30,7 @@ namespace {
 
 struct Options {
   SceneOptions scene;
+  bool page = false;  ///< see SolvingCommand
   std::vector<std::string> outputs;
   std::string report;
   std::string form_factors;
@@ -44,7 +48,7 @@ Method method_of(const std::string& text) {
   return text == "cg" ? Method::cg : text == "bicgstab" ? Method::bicgstab : Method::jacobi;
 }
 
-constexpr std::array extensions{".png", ".exr", ".ply", ".glb", ".csv", ".npy", ".json"};
+constexpr std::array extensions{".png", ".exr", ".ply", ".glb", ".csv", ".npy", ".html", ".json"};
 
 bool is_picture(const std::string& path) {
   return extension_of(path) == ".png" || extension_of(path) == ".exr";
@@ -57,8 +61,8 @@ void check_outputs(const Options& options) {
   for (const std::string& file : options.outputs) {
     if (std::find(extensions.begin(), extensions.end(), extension_of(file)) == extensions.end()) {
       throw Error(ErrorKind::usage,
-                  fmt::format("-o {}: '{}' is not an output format (.png, .exr, .ply, .glb, .csv, .npy, .json)", file,
-                              extension_of(file)));
+                  fmt::format("-o {}: '{}' is not an output format (.png, .exr, .ply, .glb, .csv, .npy, .html, .json)",
+                              file, extension_of(file)));
     }
   }
   // A file of form factors is read where it is there.
@@ -127,6 +131,7 @@ void write_outputs(const Options& options, const SolveSummary& summary, Progress
     if (extension == ".glb") write_glb(solution, file);
     if (extension == ".csv") write_csv(solution, file);
     if (extension == ".npy") write_npy(solution, file);
+    if (extension == ".html") write_html(solution, page_options(summary), file);
   }
 }
 
@@ -136,8 +141,28 @@ void write_report(const SolveSummary& summary, const std::string& path) {
   file.commit();
 }
 
-int run(const Options& options) {
+/// The page of `view`: where none is asked for, in this folder under the scene's name.
+void ask_for_page(Options& options) {
+  const auto is_page = [](const std::string& file) { return extension_of(file) == ".html"; };
+  if (std::any_of(options.outputs.begin(), options.outputs.end(), is_page)) return;
+  if (!options.outputs.empty()) {
+    throw Error(ErrorKind::usage,
+                fmt::format("-o {}: view writes a page, which ends in .html", options.outputs.front()));
+  }
+  options.outputs.push_back(std::filesystem::path(options.scene.file).stem().string() + ".html");
+}
+
+/// For people: where the pages are, as a browser takes it.
+void tell_pages(const Options& options) {
+  for (const std::string& file : options.outputs) {
+    if (extension_of(file) != ".html") continue;
+    fmt::print("open           {}\n", std::filesystem::absolute(file).lexically_normal().string());
+  }
+}
+
+int run(Options options) {
   const Timer total;
+  if (options.page) ask_for_page(options);
   Console console(options.scene.quiet);
   check_outputs(options);
   check_picture(options);
@@ -176,6 +201,7 @@ int run(const Options& options) {
     fmt::print("{}", to_text(summary));
     for (const std::string& file : options.outputs) fmt::print("wrote          {}\n", file);
     if (!options.report.empty()) fmt::print("wrote          {}\n", options.report);
+    tell_pages(options);
   }
   if (solved.report.converged || options.stop.iterations) return 0;
   fmt::print(stderr, "interflect: not converged: {}\n", solved.report.reason);
@@ -185,12 +211,19 @@ int run(const Options& options) {
 }  // namespace
 
 void add_solve(CLI::App& program, Action& action) {
+  add_solving(program, action, {"solve", "solve a scene and write its light"});
+}
+
+void add_solving(CLI::App& program, Action& action, const SolvingCommand& which) {
   auto options = std::make_shared<Options>();
-  CLI::App& command = *program.add_subcommand("solve", "solve a scene and write its light");
+  options->page = which.page;
+  CLI::App& command = *program.add_subcommand(which.name, which.description);
   add_scene_options(command, options->scene);
   command
       .add_option("-o,--output", options->outputs,
-                  "output, by extension: .png .exr .ply .glb .csv .npy .json (may be given several times)")
+                  which.page
+                      ? "the page, .html (default: the scene's name in this folder), and what else solve writes"
+                      : "output, by extension: .png .exr .ply .glb .csv .npy .html .json (may be given several times)")
       ->type_size(1)
       ->allow_extra_args(false);
   command.add_option("--report", options->report, "the report as JSON")->check(file_name());
