@@ -29,8 +29,8 @@ struct PageOptions {
 /// Solution::lights has a weight per channel, and B = Σ_g w_g lit[g] is computed where the page is opened; a solution
 /// without groups is one lamp.
 ///   Numbers: positions relative to the middle of the mesh, ρ, E, areas, row sums and lit are single precision. The
-/// bounce series is half precision in units of its largest value m: each radiosity is within max(2^-12 of itself,
-/// 2^-26 m) of what it was. Radiosities that are not finite stay so, and show black.
+/// bounce series is half precision in units of its largest value m: each radiosity is within max(2^-11 of itself,
+/// 2^-25 m) of what it was. Radiosities that are not finite stay so, and show black.
 ///   Names are text, whatever they hold: bytes that are not UTF-8 become U+FFFD.
 /// Throws an internal Error for a solution whose parts do not fit together, a limit Error for a page above 1 GiB, which
 /// no browser opens.
