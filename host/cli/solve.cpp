@@ -38,6 +38,7 @@ struct Options {
   std::string method = "cg";
   std::string storage = "auto";
   std::string assembly = "auto";
+  std::string light_groups = "none";
   StopTest stop;
   std::string camera, up = "0,1,0", size = "1280x720", tone = "filmic";
   std::optional<double> exposure;
@@ -117,9 +118,9 @@ void check_picture(const Options& options) {
                   options.size, static_cast<double>(needed) / mebibyte, static_cast<double>(available) / mebibyte));
 }
 
-void write_outputs(const Options& options, const SolveSummary& summary, ProgressSink& progress) {
-  const MeshedScene& loaded = *summary.loaded;
-  Solution solution{&loaded.mesh, loaded.grouping, summary.solved->radiosity, summary.assembled->row_sum};
+void write_outputs(const Options& options, const MeshedScene& loaded, const PlacedSolve& placed,
+                   ProgressSink& progress) {
+  const Solution solution = solution_of(loaded, placed);
   const PictureOptions picture = picture_options(options, loaded.scene);
   std::optional<Picture> rendered;  // one for .png and .exr together
   for (const std::string& file : options.outputs) {
@@ -173,13 +174,14 @@ int run(Options options) {
   const SceneOptions as_kept = with_the_files_divide(options.scene, options.form_factors);
   const MeshedScene loaded = load(as_kept, console);
   check_inputs_stay(options, loaded.scene);
+  const Lamps lamps{light_groups(loaded.scene, loaded.mesh, options.light_groups)};
   const Method method = method_of(options.method);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const PlacedSolve placed = options.form_factors.empty()
                                  ? assemble_and_solve(loaded, options.scene, assembler, storage_of(options.storage),
-                                                      method, options.stop, console)
+                                                      method, options.stop, console, lamps)
                                  : solve_kept(options.form_factors, loaded, as_kept, assembler,
-                                              storage_of(options.storage), method, options.stop, console);
+                                              storage_of(options.storage), method, options.stop, console, lamps);
   const Solved& solved = placed.solved;
   const AssemblyReport& assembled = placed.factors.report;
 
@@ -189,7 +191,7 @@ int run(Options options) {
   summary.radiosity_error =
       radiosity_error(assembled.tile_variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
   const Timer writing;
-  write_outputs(options, summary, console);
+  write_outputs(options, loaded, placed, console);
   summary.write_seconds = writing.seconds();
   summary.total_seconds = total.seconds();
   for (const std::string& file : options.outputs) {
@@ -253,6 +255,7 @@ void add_solving(CLI::App& program, Action& action, const SolvingCommand& which)
       ->check(CLI::IsMember({"auto", "dense32", "dense16", "tiled16", "sym16"}))
       ->capture_default_str();
   add_assembly_option(command, options->assembly);
+  add_light_groups_option(command, options->light_groups);
   auto* camera =
       command.add_option("--camera", options->camera, "EX,EY,EZ,TX,TY,TZ[,FOV]: eye, target, vertical degrees");
   command.add_option("--up", options->up, "the camera's up: X,Y,Z")->needs(camera)->capture_default_str();
