@@ -18,6 +18,14 @@ std::string solved_as(const SolveSummary& summary) {
 
 }  // namespace
 
+std::optional<std::uint32_t> bounces_for_page(std::size_t patches, std::size_t groups) {
+  constexpr std::uint64_t wanted = 12;
+  const std::uint64_t each = std::uint64_t{6} * patches * std::max<std::size_t>(1, groups);
+  const std::uint64_t fit = PageOptions{}.largest_bounces / each;  // the light of no bounce is one of them
+  if (fit < 2) return std::nullopt;
+  return static_cast<std::uint32_t>(std::min(wanted, fit - 1));
+}
+
 PageOptions page_options(const SolveSummary& summary) {
   const MeshedScene& loaded = *summary.loaded;
   const SolveReport& report = summary.solved->report;

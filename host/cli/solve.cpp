@@ -118,8 +118,9 @@ void check_picture(const Options& options) {
                   options.size, static_cast<double>(needed) / mebibyte, static_cast<double>(available) / mebibyte));
 }
 
-void write_outputs(const Options& options, const MeshedScene& loaded, const PlacedSolve& placed,
+void write_outputs(const Options& options, const SolveSummary& summary, const PlacedSolve& placed,
                    ProgressSink& progress) {
+  const MeshedScene& loaded = *summary.loaded;
   const Solution solution = solution_of(loaded, placed);
   const PictureOptions picture = picture_options(options, loaded.scene);
   std::optional<Picture> rendered;  // one for .png and .exr together
@@ -142,10 +143,14 @@ void write_report(const SolveSummary& summary, const std::string& path) {
   file.commit();
 }
 
+bool has_page(const Options& options) {
+  const auto is_page = [](const std::string& file) { return extension_of(file) == ".html"; };
+  return std::any_of(options.outputs.begin(), options.outputs.end(), is_page);
+}
+
 /// The page of `view`: where none is asked for, in this folder under the scene's name.
 void ask_for_page(Options& options) {
-  const auto is_page = [](const std::string& file) { return extension_of(file) == ".html"; };
-  if (std::any_of(options.outputs.begin(), options.outputs.end(), is_page)) return;
+  if (has_page(options)) return;
   if (!options.outputs.empty()) {
     throw Error(ErrorKind::usage,
                 fmt::format("-o {}: view writes a page, which ends in .html", options.outputs.front()));
@@ -174,7 +179,8 @@ int run(Options options) {
   const SceneOptions as_kept = with_the_files_divide(options.scene, options.form_factors);
   const MeshedScene loaded = load(as_kept, console);
   check_inputs_stay(options, loaded.scene);
-  const Lamps lamps{light_groups(loaded.scene, loaded.mesh, options.light_groups)};
+  Lamps lamps{light_groups(loaded.scene, loaded.mesh, options.light_groups)};
+  if (has_page(options)) lamps.bounces = bounces_for_page(loaded.mesh.size(), lamps.groups.names.size());
   const Method method = method_of(options.method);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const PlacedSolve placed = options.form_factors.empty()
@@ -191,7 +197,7 @@ int run(Options options) {
   summary.radiosity_error =
       radiosity_error(assembled.tile_variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
   const Timer writing;
-  write_outputs(options, loaded, placed, console);
+  write_outputs(options, summary, placed, console);
   summary.write_seconds = writing.seconds();
   summary.total_seconds = total.seconds();
   for (const std::string& file : options.outputs) {
@@ -255,6 +261,7 @@ void add_solving(CLI::App& program, Action& action, const SolvingCommand& which)
       ->check(CLI::IsMember({"auto", "dense32", "dense16", "tiled16", "sym16"}))
       ->capture_default_str();
   add_assembly_option(command, options->assembly);
+  if (which.page) options->light_groups = "auto";
   add_light_groups_option(command, options->light_groups);
   auto* camera =
       command.add_option("--camera", options->camera, "EX,EY,EZ,TX,TY,TZ[,FOV]: eye, target, vertical degrees");
@@ -268,7 +275,11 @@ void add_solving(CLI::App& program, Action& action, const SolvingCommand& which)
   command.add_option("--samples", options->samples, "samples per pixel")
       ->check(number(0U, 4096U))
       ->capture_default_str();
-  command.callback([options, &action] { action = [options] { return run(*options); }; });
+  command.callback([options, &action, &command] {
+    // A page is for dimming lamps; without one they are told apart only where that is asked for.
+    if (command.count("--light-groups") == 0 && has_page(*options)) options->light_groups = "auto";
+    action = [options] { return run(*options); };
+  });
 }
 
 }  // namespace interflect::cli

@@ -111,7 +111,7 @@ Half half_of(double value, double unit) {
 /// The series in halves of `unit`, or why it is not there.
 void add_bounces(Sections& sections, Json& description, const Solution& solution, const PageOptions& options) {
   if (solution.bounces.empty()) return;
-  const std::size_t groups = solution.lit.size(), n = solution.mesh->size();
+  const std::size_t groups = solution.bounces.front().size(), n = solution.mesh->size();
   const std::uint64_t bytes = std::uint64_t{6} * solution.bounces.size() * groups * n;
   if (bytes > options.largest_bounces) {
     description["bounces_left_out"] = fmt::format("{} bounces of {} lamps would add {} MiB to this page",
@@ -157,14 +157,13 @@ void check(const Solution& solution) {
   if (n == 0) refuse("no patches");
   if (groups > 0 && solution.lights.of_patch.size() != n) refuse("the light groups are of another mesh");
   if (solution.lit.size() != groups) refuse("not one solution per light group");
-  const auto fits = [&](const auto& per_group) {
-    return per_group.size() == groups &&
+  const auto fits = [&](const auto& per_group, std::size_t wanted) {
+    return per_group.size() == wanted &&
            std::all_of(per_group.begin(), per_group.end(), [&](const auto& values) { return values.size() == n; });
   };
-  if (!fits(solution.lit)) refuse("not one radiosity per patch and light group");
-  if (!solution.bounces.empty() && groups == 0) refuse("bounces without light groups");
-  if (!std::all_of(solution.bounces.begin(), solution.bounces.end(), fits)) {
-    refuse("not one radiosity per patch, light group and bounce");
+  if (!fits(solution.lit, groups)) refuse("not one radiosity per patch and light group");
+  for (const auto& bounce : solution.bounces) {  // without groups they are those of all lamps
+    if (!fits(bounce, std::max<std::size_t>(1, groups))) refuse("not one radiosity per patch, light group and bounce");
   }
 }
 
