@@ -8,6 +8,28 @@ function(interflect_warnings target)
   endif()
 endfunction()
 
+# interflect_embed_page(LIST): adds the texts of the HTML page, three.js among them, to a list of sources.
+function(interflect_embed_page list)
+  find_file(INTERFLECT_THREE_JS three.min.js PATHS /usr/share/javascript/three/build /usr/share/javascript/three
+    DOC "three.js, version 111, minified, as Debian's libjs-three has it")
+  if(NOT INTERFLECT_THREE_JS)
+    message(FATAL_ERROR "three.min.js is missing: install libjs-three, or set INTERFLECT_THREE_JS")
+  endif()
+  set(page ${PROJECT_SOURCE_DIR}/host/output/page)
+  # In the order in which they become one script.
+  set(program data.js light.js tone.js shader.js view.js camera.js controls.js legend.js lamps.js inspector.js share.js
+    panel.js main.js)
+  list(TRANSFORM program PREPEND ${page}/ OUTPUT_VARIABLE program_files)
+  list(JOIN program "," program)
+  set(embedded ${PROJECT_BINARY_DIR}/embedded_page.cpp)
+  add_custom_command(OUTPUT ${embedded}
+    COMMAND ${CMAKE_COMMAND} -DPAGE=${page} -DTHREE=${INTERFLECT_THREE_JS} -DPROGRAM=${program} -DOUT=${embedded}
+      -P ${PROJECT_SOURCE_DIR}/cmake/embed_page.cmake
+    DEPENDS ${program_files} ${page}/page.html ${page}/page.css ${page}/three-licence.txt ${INTERFLECT_THREE_JS}
+      ${PROJECT_SOURCE_DIR}/cmake/embed_page.cmake VERBATIM)
+  set(${list} ${${list}} ${embedded} PARENT_SCOPE)
+endfunction()
+
 set(INTERFLECT_FLOORS "" CACHE INTERNAL "")
 set(INTERFLECT_HEADER_ROOTS "" CACHE INTERNAL "")
 
@@ -31,6 +53,9 @@ function(interflect_floor name)
         -P ${PROJECT_SOURCE_DIR}/cmake/embed_kernels.cmake
       DEPENDS ${device_kernels} ${PROJECT_SOURCE_DIR}/cmake/embed_kernels.cmake VERBATIM)
     list(APPEND sources ${embedded})
+  endif()
+  if(name STREQUAL "output")
+    interflect_embed_page(sources)
   endif()
   set(target interflect_${name})
   add_library(${target} OBJECT ${sources})

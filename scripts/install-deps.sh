@@ -9,6 +9,8 @@ packages=(
   # libraries that the program uses
   libembree-dev libtbb-dev libtinygltf-dev libtinyobjloader-dev libpugixml-dev libcli11-dev nlohmann-json3-dev
   libfmt-dev libhwy-dev libopenexr-dev libpng-dev libxxhash-dev
+  # the page of `view`: three.js is embedded in the program
+  libjs-three
   # loaders and compilers of the GPU backends (CUDA needs nothing to build)
   ocl-icd-opencl-dev opencl-headers libvulkan-dev glslang-dev glslang-tools spirv-tools
   # drivers that run GPU kernels on the processor, and what watches them in the tests
@@ -23,6 +25,8 @@ packages=(
   python3
   # programs that no one here wrote, with which tests open what we write
   assimp-utils openexr
+  # a browser that opens the page
+  chromium chromium-driver
 )
 
 missing=()

@@ -1,3 +1,5 @@
+#include "solve.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,6 +17,7 @@
 #include "interflect/schedule/storage_choice.h"
 #include "kept.h"
 #include "outputs.h"
+#include "page.h"
 #include "parse.h"
 #include "pipeline.h"
 #include "place.h"
@@ -27,6 +30,7 @@ namespace {
 
 struct Options {
   SceneOptions scene;
+  bool page = false;  ///< see SolvingCommand
   std::vector<std::string> outputs;
   std::string report;
   std::string form_factors;
@@ -34,6 +38,7 @@ struct Options {
   std::string method = "cg";
   std::string storage = "auto";
   std::string assembly = "auto";
+  std::string light_groups = "none";
   StopTest stop;
   std::string camera, up = "0,1,0", size = "1280x720", tone = "filmic";
   std::optional<double> exposure;
@@ -44,7 +49,7 @@ Method method_of(const std::string& text) {
   return text == "cg" ? Method::cg : text == "bicgstab" ? Method::bicgstab : Method::jacobi;
 }
 
-constexpr std::array extensions{".png", ".exr", ".ply", ".glb", ".csv", ".npy", ".json"};
+constexpr std::array extensions{".png", ".exr", ".ply", ".glb", ".csv", ".npy", ".html", ".json"};
 
 bool is_picture(const std::string& path) {
   return extension_of(path) == ".png" || extension_of(path) == ".exr";
@@ -57,8 +62,8 @@ void check_outputs(const Options& options) {
   for (const std::string& file : options.outputs) {
     if (std::find(extensions.begin(), extensions.end(), extension_of(file)) == extensions.end()) {
       throw Error(ErrorKind::usage,
-                  fmt::format("-o {}: '{}' is not an output format (.png, .exr, .ply, .glb, .csv, .npy, .json)", file,
-                              extension_of(file)));
+                  fmt::format("-o {}: '{}' is not an output format (.png, .exr, .ply, .glb, .csv, .npy, .html, .json)",
+                              file, extension_of(file)));
     }
   }
   // A file of form factors is read where it is there.
@@ -113,9 +118,10 @@ void check_picture(const Options& options) {
                   options.size, static_cast<double>(needed) / mebibyte, static_cast<double>(available) / mebibyte));
 }
 
-void write_outputs(const Options& options, const SolveSummary& summary, ProgressSink& progress) {
+void write_outputs(const Options& options, const SolveSummary& summary, const PlacedSolve& placed,
+                   ProgressSink& progress) {
   const MeshedScene& loaded = *summary.loaded;
-  Solution solution{&loaded.mesh, loaded.grouping, summary.solved->radiosity, summary.assembled->row_sum};
+  const Solution solution = solution_of(loaded, placed);
   const PictureOptions picture = picture_options(options, loaded.scene);
   std::optional<Picture> rendered;  // one for .png and .exr together
   for (const std::string& file : options.outputs) {
@@ -127,6 +133,7 @@ void write_outputs(const Options& options, const SolveSummary& summary, Progress
     if (extension == ".glb") write_glb(solution, file);
     if (extension == ".csv") write_csv(solution, file);
     if (extension == ".npy") write_npy(solution, file);
+    if (extension == ".html") write_html(solution, page_options(summary), file);
   }
 }
 
@@ -136,8 +143,32 @@ void write_report(const SolveSummary& summary, const std::string& path) {
   file.commit();
 }
 
-int run(const Options& options) {
+bool has_page(const Options& options) {
+  const auto is_page = [](const std::string& file) { return extension_of(file) == ".html"; };
+  return std::any_of(options.outputs.begin(), options.outputs.end(), is_page);
+}
+
+/// The page of `view`: where none is asked for, in this folder under the scene's name.
+void ask_for_page(Options& options) {
+  if (has_page(options)) return;
+  if (!options.outputs.empty()) {
+    throw Error(ErrorKind::usage,
+                fmt::format("-o {}: view writes a page, which ends in .html", options.outputs.front()));
+  }
+  options.outputs.push_back(std::filesystem::path(options.scene.file).stem().string() + ".html");
+}
+
+/// For people: where the pages are, as a browser takes it.
+void tell_pages(const Options& options) {
+  for (const std::string& file : options.outputs) {
+    if (extension_of(file) != ".html") continue;
+    fmt::print("open           {}\n", std::filesystem::absolute(file).lexically_normal().string());
+  }
+}
+
+int run(Options options) {
   const Timer total;
+  if (options.page) ask_for_page(options);
   Console console(options.scene.quiet);
   check_outputs(options);
   check_picture(options);
@@ -148,13 +179,15 @@ int run(const Options& options) {
   const SceneOptions as_kept = with_the_files_divide(options.scene, options.form_factors);
   const MeshedScene loaded = load(as_kept, console);
   check_inputs_stay(options, loaded.scene);
+  Lamps lamps{light_groups(loaded.scene, loaded.mesh, options.light_groups)};
+  if (has_page(options)) lamps.bounces = bounces_for_page(loaded.mesh.size(), lamps.groups.names.size());
   const Method method = method_of(options.method);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const PlacedSolve placed = options.form_factors.empty()
                                  ? assemble_and_solve(loaded, options.scene, assembler, storage_of(options.storage),
-                                                      method, options.stop, console)
+                                                      method, options.stop, console, lamps)
                                  : solve_kept(options.form_factors, loaded, as_kept, assembler,
-                                              storage_of(options.storage), method, options.stop, console);
+                                              storage_of(options.storage), method, options.stop, console, lamps);
   const Solved& solved = placed.solved;
   const AssemblyReport& assembled = placed.factors.report;
 
@@ -166,7 +199,7 @@ int run(const Options& options) {
       radiosity_error(assembled.tile_variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
   summary.estimate_seconds = estimating.seconds();
   const Timer writing;
-  write_outputs(options, summary, console);
+  write_outputs(options, summary, placed, console);
   summary.write_seconds = writing.seconds();
   summary.total_seconds = total.seconds();
   for (const std::string& file : options.outputs) {
@@ -178,6 +211,7 @@ int run(const Options& options) {
     fmt::print("{}", to_text(summary));
     for (const std::string& file : options.outputs) fmt::print("wrote          {}\n", file);
     if (!options.report.empty()) fmt::print("wrote          {}\n", options.report);
+    tell_pages(options);
   }
   if (solved.report.converged || options.stop.iterations) return 0;
   fmt::print(stderr, "interflect: not converged: {}\n", solved.report.reason);
@@ -187,12 +221,19 @@ int run(const Options& options) {
 }  // namespace
 
 void add_solve(CLI::App& program, Action& action) {
+  add_solving(program, action, {"solve", "solve a scene and write its light"});
+}
+
+void add_solving(CLI::App& program, Action& action, const SolvingCommand& which) {
   auto options = std::make_shared<Options>();
-  CLI::App& command = *program.add_subcommand("solve", "solve a scene and write its light");
+  options->page = which.page;
+  CLI::App& command = *program.add_subcommand(which.name, which.description);
   add_scene_options(command, options->scene);
   command
       .add_option("-o,--output", options->outputs,
-                  "output, by extension: .png .exr .ply .glb .csv .npy .json (may be given several times)")
+                  which.page
+                      ? "the page, .html (default: the scene's name in this folder), and what else solve writes"
+                      : "output, by extension: .png .exr .ply .glb .csv .npy .html .json (may be given several times)")
       ->type_size(1)
       ->allow_extra_args(false);
   command.add_option("--report", options->report, "the report as JSON")->check(file_name());
@@ -222,6 +263,8 @@ void add_solve(CLI::App& program, Action& action) {
       ->check(CLI::IsMember({"auto", "dense32", "dense16", "tiled16", "sym16"}))
       ->capture_default_str();
   add_assembly_option(command, options->assembly);
+  if (which.page) options->light_groups = "auto";
+  add_light_groups_option(command, options->light_groups);
   auto* camera =
       command.add_option("--camera", options->camera, "EX,EY,EZ,TX,TY,TZ[,FOV]: eye, target, vertical degrees");
   command.add_option("--up", options->up, "the camera's up: X,Y,Z")->needs(camera)->capture_default_str();
@@ -234,7 +277,11 @@ void add_solve(CLI::App& program, Action& action) {
   command.add_option("--samples", options->samples, "samples per pixel")
       ->check(number(0U, 4096U))
       ->capture_default_str();
-  command.callback([options, &action] { action = [options] { return run(*options); }; });
+  command.callback([options, &action, &command] {
+    // A page is for dimming lamps; without one they are told apart only where that is asked for.
+    if (command.count("--light-groups") == 0 && has_page(*options)) options->light_groups = "auto";
+    action = [options] { return run(*options); };
+  });
 }
 
 }  // namespace interflect::cli

@@ -8,6 +8,7 @@
 
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
+#include "interflect/output/html.h"
 #include "interflect/output/output.h"
 #include "output/rooms.h"
 
@@ -59,6 +60,7 @@ class WritersTest : public ::testing::TestWithParam<const char*> {
     if (format == "glb") write_glb(lit_.solution, path);
     if (format == "csv") write_csv(lit_.solution, path);
     if (format == "npy") write_npy(lit_.solution, path);
+    if (format == "html") write_html(lit_.solution, {}, path);
   }
   /// Writes to the path, which must fail with an input error that names it.
   void expect_refusal(const std::filesystem::path& path) const {
@@ -115,7 +117,7 @@ TEST_P(WritersTest, NameAFolderThatIsMissing) {
   EXPECT_EQ(files_in(folder / "taken"), 0U);
 }
 
-INSTANTIATE_TEST_SUITE_P(Formats, WritersTest, ::testing::Values("png", "exr", "ply", "glb", "csv", "npy"),
+INSTANTIATE_TEST_SUITE_P(Formats, WritersTest, ::testing::Values("png", "exr", "ply", "glb", "csv", "npy", "html"),
                          [](const auto& info) { return std::string(info.param); });
 
 TEST(SolutionTest, RefusedWhenItsPartsDoNotFit) {
