@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "interflect/base/error.h"
@@ -29,11 +30,20 @@ void BatchedSolve::cut(const Scheduler& scheduler) {
     throw Error(ErrorKind::internal, "a solve goes on with another number of columns at once");
   }
   if (!batches_.empty()) return;
+  if (!guess_.empty() && guess_.size() != emittance_.size()) {
+    throw Error(ErrorKind::usage, fmt::format("solve: {} columns to begin at for {} of emittances", guess_.size(),
+                                              emittance_.size()));
+  }
   at_once_ = scheduler.most_columns();
   for (std::size_t first = 0; first < emittance_.size(); first += at_once_) {
     batches_.push_back({first, std::min<std::size_t>(at_once_, emittance_.size() - first)});
-    batches_.back().checkpoint.interval = interval_;
+    Batch& batch = batches_.back();
+    batch.checkpoint.interval = interval_;
+    if (guess_.empty()) continue;
+    const auto begin = std::make_move_iterator(guess_.begin() + static_cast<std::ptrdiff_t>(first));
+    batch.checkpoint.b.assign(begin, begin + static_cast<std::ptrdiff_t>(batch.columns));
   }
+  guess_.clear();
 }
 
 void BatchedSolve::run(Scheduler& scheduler, ProgressSink* progress) {

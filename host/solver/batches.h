@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "interflect/base/progress.h"
@@ -21,6 +22,10 @@ class BatchedSolve {
   /// Checkpoint.
   BatchedSolve(Method method, const StopTest& stop, std::span<const double> area, const Columns& reflectance,
                const Columns& emittance, double interval = 1.0);
+
+  /// Where the solve begins instead of at 0: a column for each of `emittance`, such as the last solution of a problem
+  /// that has changed a little since (Checkpoint). Before the first run().
+  void begin_at(Columns guess) { guess_ = std::move(guess); }
 
   /// Solves what is not solved yet and leaves the Scheduler with the columns of the last batch. Throws what solve()
   /// throws; what was done until then is kept. Every Scheduler must have been made with the same number of columns.
@@ -51,6 +56,7 @@ class BatchedSolve {
   std::uint32_t at_once_ = 0;
   std::vector<Batch> batches_;
   Columns radiosity_;
+  Columns guess_;
 };
 
 }  // namespace interflect
