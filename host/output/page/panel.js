@@ -218,7 +218,8 @@ class Panel {
     legend.show(state.scale, falseColours);
     const exposure = byId("exposure");
     this.middle = this.middle ?? state.exposure;
-    [exposure.min, exposure.max] = [Math.min(this.middle - 6, state.exposure), Math.max(this.middle + 6, state.exposure)];
+    exposure.min = Math.floor(Math.min(this.middle - 6, state.exposure));
+    exposure.max = Math.ceil(Math.max(this.middle + 6, state.exposure));
     exposure.value = state.exposure;
     fillTrack(exposure);
     byId("exposure-value").textContent = `× ${shown(2 ** state.exposure, 3)}`;
