@@ -154,10 +154,14 @@ class Browser:
         raise RuntimeError(f"waited in vain for: {script}")
 
     def settle(self):
-        """Until what has been asked for is drawn: two frames later."""
-        self.post("execute/async", args=[], script="""
+        """Until what has been asked for is drawn, two frames later, and with all its pixels."""
+        frames = """
           const done = arguments[0];
-          requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 0)));""")
+          requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 0)));"""
+        self.post("execute/async", args=[], script=frames)
+        if self.run("return document.documentElement.dataset.coarse"):
+            self.wait("return !document.documentElement.dataset.coarse")
+            self.post("execute/async", args=[], script=frames)
 
     def find(self, selector):
         found = self.post("element", using="css selector", value=selector)
