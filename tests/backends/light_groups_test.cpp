@@ -142,7 +142,7 @@ TEST_P(LightGroupsOn, AddUpWherePanelsStream) {
   const PatchMesh mesh = room();
   const std::string folder = testing::TempDir() + "groups" + std::to_string(::getpid()) + test_name({GetParam(), 0});
   std::filesystem::create_directories(folder);
-  const std::uint64_t memory = FormFactorMatrix::predicted_bytes(mesh.size()) / 4;
+  const std::uint64_t memory = FormFactorMatrix::predicted_bytes(mesh.size()) / 2;
   ::setenv("INTERFLECT_MAX_PANEL_BYTES", "40000", 1);
   AssemblyReport report;
   {
