@@ -108,6 +108,32 @@ TEST(Batches, RefuseReflectancesThatDoNotRepeat) {
   }
 }
 
+/// A device that takes fewer columns goes on from where one that took more has failed.
+TEST(Batches, AreCutSmallerForADeviceThatTakesFewerColumns) {
+  const Room room = make_room(4, 2);
+  const Light light = many_lamps(room);
+  const StopTest stop{.tolerance = 1e-6};
+  const Columns expected = one_by_one(room, light, Method::cg, stop);
+  const auto fate = std::make_shared<Fate>();
+  for (const std::uint64_t fails_at : {60U, 100U, 140U}) {
+    fate->fails_at = fails_at;
+    fate->calls = 0;
+    BatchedSolve batches(Method::cg, stop, room.area, light.reflectance, light.emittance, 0);  // a checkpoint each time
+    std::vector<std::unique_ptr<Device>> devices;
+    devices.push_back(std::make_unique<FailingDevice>(fate));
+    Scheduler first(room.form_factors, std::move(devices), most_columns);
+    EXPECT_THROW(batches.run(first), Error);
+    const std::uint64_t kept = batches.kept_iterations();
+    Scheduler second(room.form_factors, openmp(), 7);
+    batches.run(second);
+    EXPECT_TRUE(batches.report().converged);
+    EXPECT_THAT(batches.report().relative_residual, SizeIs(27));
+    EXPECT_LT(difference(batches.radiosity(), expected), 5e-6) << fails_at;
+    EXPECT_GT(batches.kept_iterations(), kept);
+    EXPECT_TRUE(kept > 0 || fails_at == 60) << "something had been done";
+  }
+}
+
 /// Whenever the first device fails: what it had done is kept, and the next one ends the solve.
 TEST(Batches, GoOnWhereTheFirstDeviceFailed) {
   const Room room = make_room(4, 2);
