@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """page-screenshots.py PROGRAM [FOLDER]: the pages of the rooms and of the Cornell box as a browser shows them, into
-FOLDER (docs/pictures). Needs Debian's chromium and chromium-driver; three minutes on two cores."""
+FOLDER (docs/pictures). Needs Debian's chromium and chromium-driver; a minute or three on two cores."""
 
 import os
 import struct
@@ -19,7 +19,7 @@ LIMIT = 400_000  # bytes of a picture
 SHOTS = [
     ("page-room-17128", "room-17128", 1, "", (1200, 750, 1, False), True),
     ("page-room-9680", "room-9680", 1, "#levels=1.4,1,0.1,0", (1200, 750, 1, False), True),
-    ("page-room-3360", "room-3360", 1, "#tone=false&scale=linear,0,0.8", (1200, 750, 1, False), False),
+    ("page-room-3360", "room-3360", 1, "#tone=false&scale=log,0.02,2", (1200, 750, 1, False), False),
     ("page-room-1312", "room-1312", 1, "", (1200, 750, 1, False), False),
     ("page-cornell-box", "cornell-box", 1000, "", (1200, 750, 1, False), False),
     ("page-phone", "room-9680", 1, "", (390, 844, 1, True), False),
