@@ -16,7 +16,6 @@
 #include "interflect/device/check.h"
 #include "interflect/device/check_tools.h"
 #include "interflect/schedule/device_form_factors.h"
-#include "interflect/schedule/device_tile_maker.h"
 #include "interflect/solver/fallback.h"
 #include "interflect/solver/solver.h"
 #include "schedule/counting_device.h"
@@ -119,7 +118,7 @@ TEST_P(Resident, TilesForTheHostAreThoseThatStayThere) {
   AssemblyOptions options;
   options.closure = Closure::off;
   options.maker = [&](const PatchTable& patches, const Blockers& blockers) {
-    return std::make_unique<DeviceTileMaker>(*device, patches, blockers, options.budget, options.seed);
+    return std::make_unique<DeviceAssembly>(*device, patches, blockers, options.budget, options.seed);
   };
   struct Sink final : ProgressSink {
     void begin(std::string_view, std::uint64_t total) override { all = total, ++stages; }
