@@ -21,10 +21,6 @@ using namespace test;
 using cli::Assembler;
 using cli::AssemblyPlace;
 
-PatchMesh room(int n) {
-  return Builder().part("room").box({0, 0, 0}, {4, 3, 2.5}, true, n).box({1, 1, 0.5}, {2, 2, 1.5}, false, 2).mesh();
-}
-
 class AssemblerTest : public testing::Test {
  protected:
   void SetUp() override {

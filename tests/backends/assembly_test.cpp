@@ -204,11 +204,9 @@ TEST_P(AssemblyOnDevice, IsThatThroughEmbreeButForGrazingRaysInARoom) {
 }
 // Up to 320 rays in a pair's pilot, 40,960 in all.
 TEST_P(AssemblyOnDevice, IsThatThroughEmbreeWithManyRaysToo) {
-  const PatchMesh mesh =
-      test::Builder().part("room").box({0, 0, 0}, {4, 3, 2.5}, true, 2).box({1, 1, 0.5}, {2, 2, 1.5}, false, 1).mesh();
   const RayBudget high = budget_of(accuracy_of("high"));
   ASSERT_GT(high.most_in_pilot, 127U);
-  compare(*device, "few patches, accuracy high", Scenery(mesh), 2e-5, 4e-3, high);
+  compare(*device, "few patches, accuracy high", Scenery(test::room(2)), 2e-5, 4e-3, high);
 }
 
 TEST_P(AssemblyOnDevice, IsTheSameBitsInBatchesOfAnySize) {
@@ -246,7 +244,9 @@ TEST_P(AssemblyOnDevice, WithLittleRoomForRaysItIsTheSameBits) {
     }
   };
   expect_refused({.most_chunks = 3}, {}, "the rays of a single tile");
-  expect_refused({}, {.most_in_pilot = 8192}, "more than 8191 rays in the pilot");
+  RayBudget longer;
+  longer.most_in_pilot = 8192;
+  expect_refused({}, longer, "more than 8191 rays in the pilot");
 }
 
 /// Row blocks one after the other make what all at once make.
