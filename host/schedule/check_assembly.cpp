@@ -145,8 +145,9 @@ const Case cases[] = {
     {"many rays", 6e-7,  // the most that any accuracy gives a pair at first
      [] {
        Triangles t(9);
-       t.room({0, 0, 0}, {3, 4, 2.5}, 1);
-       t.plate({0.5, 1, 1.1}, {1.7, 0.3, 0.2}, {-0.2, 1.6, 0.1}, 1);
+       t.plate({0, 0, 0}, {2, 0, 0}, {0, 2, 0}, 1);
+       t.plate({0, 0, 2}, {0, 2, 0}, {2, 0, 0}, 1);
+       t.add({0.5, 0.4, 1}, {1.6, 0.7, 1.1}, {0.8, 1.5, 0.9});
        return std::move(t).mesh();
      },
      4096},
