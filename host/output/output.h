@@ -8,6 +8,7 @@
 
 #include "interflect/base/progress.h"
 #include "interflect/base/vec3.h"
+#include "interflect/scene/light_groups.h"
 #include "interflect/scene/patch_mesh.h"
 #include "interflect/scene/scene.h"
 
@@ -19,6 +20,11 @@ struct Solution {
   Grouping grouping;
   std::vector<Rgb> radiosity;   ///< B_i
   std::vector<double> row_sum;  ///< Σ_j F_ij
+  LightGroups lights = {};      ///< no names: the lamps were not told apart
+  /// lit[g]: the radiosities with group g alone, at full weight; they sum to `radiosity`.
+  std::vector<std::vector<Rgb>> lit = {};
+  /// bounces[k][g]: what group g's light is after 0, 1, 2, ... bounces, Σ_{m<=k} (diag(ρ) F)^m E_g; empty: not known.
+  std::vector<std::vector<std::vector<Rgb>>> bounces = {};
 };
 
 /// Radiosities at the corners of every patch, [N][3], so that shading is smooth across a surface but not across its
