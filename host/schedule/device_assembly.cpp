@@ -301,7 +301,8 @@ TileFacts DeviceAssembly::make(std::size_t first, std::size_t end, const TileSin
     impl_->download(s);
     downloaded_bytes_ += s.size() * sizeof(float);
     std::exception_ptr failure;
-#pragma omp parallel for schedule(dynamic, 8)
+    // Of few tiles by this thread alone: others would take cores from a CPU device while they wait for more.
+#pragma omp parallel for schedule(dynamic, 8) if (tiles.size() >= 1024)
     for (std::size_t t = 0; t < tiles.size(); ++t) {
       const auto of_tile = std::span<const float>(s).subspan(t * pairs_of_tile, pairs_of_tile);
       if (std::all_of(of_tile.begin(), of_tile.end(), [](float x) { return x == 0; })) continue;
