@@ -1,5 +1,6 @@
 // What more columns cost: products of 1 to 24 columns of one matrix, each storage and device, in turn, as multiples of
-// the product of three columns.
+// the product of three columns. And what dropping a column once it has converged could save: the iterations of every
+// column of every light group (by object), solved alone, beside those of all columns together.
 //
 //   columns_bench SCENE DIVIDE [DEVICE,... [STORAGE,... [REPETITIONS]]]
 //   default openmp, dense32,dense16,tiled16,sym16, 9 repetitions
@@ -19,9 +20,11 @@
 #include "interflect/formfactor/assembly.h"
 #include "interflect/formfactor/packed_matrix.h"
 #include "interflect/formfactor/patch_order.h"
+#include "interflect/scene/light_groups.h"
 #include "interflect/scene/patch_mesh.h"
 #include "interflect/schedule/scheduler.h"
 #include "interflect/schedule/storage_choice.h"
+#include "interflect/solver/solver.h"
 
 namespace {
 
@@ -82,6 +85,36 @@ void measure(const PatchMesh& mesh, const FormFactorMatrix& matrix, const std::s
   std::fflush(stdout);
 }
 
+void count_iterations(const Scene& scene, const PatchMesh& mesh, const FormFactorMatrix& matrix) {
+  const LightGroups groups = light_groups(scene, mesh, "object");
+  std::vector<std::unique_ptr<Device>> devices;
+  devices.push_back(open_device("openmp"));
+  Scheduler scheduler(matrix, std::move(devices), 1);
+  for (const double tolerance : {1e-4, 1e-6, 1e-7}) {
+    std::uint32_t most = 0, all = 0, columns = 0, passes = 0;
+    std::string list;
+    for (std::uint32_t g = 0; g < groups.names.size(); ++g) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        Columns rho(1, std::vector<float>(mesh.size())), e = rho, b;
+        for (std::size_t i = 0; i < mesh.size(); ++i) {
+          rho[0][i] = static_cast<float>(mesh.reflectance[i][c]);
+          if (groups.of_patch[i] == g) e[0][i] = static_cast<float>(mesh.emittance[i][c]);
+        }
+        const SolveReport report = solve(scheduler, Method::cg, {.tolerance = tolerance}, mesh.area, rho, e, b);
+        list += fmt::format(" {}", report.iterations);
+        most = std::max(most, report.iterations);
+        passes = std::max(passes, report.passes);
+        all += report.iterations;
+        ++columns;
+      }
+    }
+    if (columns == 0) return;
+    fmt::print(
+        "cg to {:g}: iterations of each column{}; at most {} passes; together {} x {}, dropping would leave {:.1f} %\n",
+        tolerance, list, passes, columns, most, 100.0 * all / (columns * most));
+  }
+}
+
 int run(int argc, char** argv) {
   if (argc < 3) throw Error(ErrorKind::usage, "columns_bench SCENE DIVIDE [DEVICE,... [STORAGE,... [REPETITIONS]]]");
   const auto devices = split(argc > 3 ? argv[3] : "openmp");
@@ -92,6 +125,7 @@ int run(int argc, char** argv) {
   AssemblyOptions options;
   options.budget = budget_of(accuracy_of("low"));
   const FormFactors factors = assemble(mesh, options);
+  count_iterations(scene, mesh, factors.matrix);
   for (const std::string& id : devices) {
     for (const std::string& storage : storages) {
       measure(mesh, factors.matrix, id, storage_of(storage).value(), repetitions);

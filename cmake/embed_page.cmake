@@ -31,7 +31,7 @@ foreach(entry "page.html;outline" "style;style" "program;program" "three;three" 
   set(at 0)
   while(at LESS length)
     string(SUBSTRING "${text}" ${at} ${piece_length} piece)
-    string(APPEND arrays "    {R\"page(${piece})page\"},\n")
+    string(APPEND arrays "    R\"page(${piece})page\"sv,\n")
     math(EXPR at "${at} + ${piece_length}")
   endwhile()
   string(APPEND arrays "};\n")
@@ -47,6 +47,8 @@ file(WRITE ${OUT}.new "// Written by cmake/embed_page.cmake.
 namespace interflect {
 
 namespace {
+
+using namespace std::string_view_literals;  // with the length at hand: some compilers will not count so far
 
 ${arrays}
 constexpr PagePart parts[] = {

@@ -24,7 +24,7 @@ void add_assembly_option(CLI::App& command, std::string& text);
 /// Whether this device computes S. (Whether F then stays there is a matter of room and format.)
 [[nodiscard]] bool assembles(AssemblyPlace place, const DeviceInfo& device);
 
-/// Where F was assembled, in the end.
+/// Where F was assembled, in the end: the host too where nothing had to be, all of it came from a file.
 struct AssemblyUse {
   std::string device = "host";
   std::uint64_t bytes_over_bus = 0;  ///< of F or S, between host and devices, both ways

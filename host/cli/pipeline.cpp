@@ -164,6 +164,8 @@ Solved solved_of(FallbackReport done, const PatchMesh& mesh, const Lamps& lamps,
 
 namespace {
 
+constexpr std::uint32_t channels = 3;
+
 using Bounces = std::vector<std::vector<std::vector<Rgb>>>;
 
 Solved solve_dense(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Method method,
@@ -181,6 +183,20 @@ Solved solve_dense(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
   return solved;
 }
 
+/// Columns for one pass over the matrix: fewer where sym16's partial sums of all of them are too large for the device.
+std::uint32_t columns_of_packed(const PackedMatrix& packed, const DeviceInfo& device, std::size_t columns) {
+  std::uint32_t at_once = columns_at_once(columns);
+  if (packed.storage() != Storage::sym16) return at_once;
+  const std::uint64_t of_a_column =
+      std::uint64_t{packed.block_rows()} * packed.block_rows() * packed.block() * sizeof(float);
+  const auto too_large = [&](std::uint64_t bytes) {
+    return (device.max_buffer_bytes != 0 && bytes > device.max_buffer_bytes) ||
+           (device.memory_bytes != 0 && bytes > device.memory_bytes / 4);
+  };
+  while (at_once > channels && too_large(at_once * of_a_column)) at_once -= channels;
+  return at_once;
+}
+
 Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Storage storage,
                     Method method, const StopTest& stop, ProgressSink& progress, const Lamps& lamps) {
   const Timer packing;
@@ -189,8 +205,9 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
   const Light light = light_of(mesh, lamps.groups);
   const Place place = [&](std::unique_ptr<Device> device) {
     std::vector<std::unique_ptr<Device>> devices;
+    const std::uint32_t columns = columns_of_packed(packed, device->info(), light.emittance.size());
     devices.push_back(std::move(device));
-    return std::make_unique<Scheduler>(packed, std::move(devices), columns_at_once(light.emittance.size()));
+    return std::make_unique<Scheduler>(packed, std::move(devices), columns);
   };
   Columns radiosity;
   Bounces bounces;

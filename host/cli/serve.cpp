@@ -64,8 +64,8 @@ void fill(FormFactorSource& source, const Options& options, const SceneOptions& 
 /// As solve_scene() and solve_streamed() place F.
 serve::Placement placement_of(FormFactorSource& source, const PatchMesh& mesh, const std::string& storage,
                               ProgressSink& progress) {
-  const auto place = [&source, &mesh, &progress, asked = storage_of(storage)](
-                         std::unique_ptr<Device> device, std::uint32_t columns, bool dense32) {
+  const auto place = [&source, &mesh, &progress, asked = storage_of(storage)](std::unique_ptr<Device> device,
+                                                                              std::uint32_t columns, bool dense32) {
     const auto n = static_cast<std::uint32_t>(mesh.size());
     Storage format = asked.value_or(source.streamed ? Storage::dense32 : choose_storage(n, device->info()));
     if (dense32) format = Storage::dense32;
@@ -137,7 +137,8 @@ int serve_until_told(const Options& options, serve::Server& server, serve::Desk&
     }
   });
   if (!options.scene.quiet && !serve::Guard(options.host).loopback()) {
-    fmt::print(stderr, "interflect: warning: whoever reaches {}:{} can drive the solver\n", options.host, server.port());
+    fmt::print(stderr, "interflect: warning: whoever reaches {}:{} can drive the solver\n", options.host,
+               server.port());
   }
   const bool v6 = options.host.find(':') != std::string::npos;
   fmt::print("serving        http://{}{}{}:{}/   (Ctrl-C ends)\n", v6 ? "[" : "", options.host, v6 ? "]" : "",
@@ -238,7 +239,8 @@ void add_serve(CLI::App& program, Action& action) {
   CLI::App& command =
       *program.add_subcommand("serve", "the page of 'view' with the solver behind it: change walls and lamps, live");
   add_scene_options(command, options->scene);
-  command.add_option("--host", options->host, "address to listen on; other machines can come in only where it is theirs")
+  command
+      .add_option("--host", options->host, "address to listen on; other machines can come in only where it is theirs")
       ->capture_default_str();
   command.add_option("--port", options->port, "port to listen on; 0: any that is free")
       ->check(count(65535))

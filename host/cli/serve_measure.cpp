@@ -27,11 +27,13 @@ std::size_t wall_of(const serve::LiveScene& scene) {
   for (std::size_t m = 0; m < materials.size(); ++m) {
     for (std::size_t i = 0; i < scene.mesh().size() && !materials[m].emits; ++i) {
       const auto& surfaces = materials[m].surfaces;
-      if (std::binary_search(surfaces.begin(), surfaces.end(), scene.mesh().surface[i])) area[m] += scene.mesh().area[i];
+      if (std::binary_search(surfaces.begin(), surfaces.end(), scene.mesh().surface[i]))
+        area[m] += scene.mesh().area[i];
     }
   }
   const auto largest = std::max_element(area.begin(), area.end());
-  if (largest == area.end() || *largest == 0) throw Error(ErrorKind::input, "the scene has no material that only reflects");
+  if (largest == area.end() || *largest == 0)
+    throw Error(ErrorKind::input, "the scene has no material that only reflects");
   return static_cast<std::size_t>(largest - area.begin());
 }
 
@@ -75,7 +77,8 @@ LiveMeasurement measure_live(serve::LiveSolver& solver, const serve::LiveScene& 
 
 std::string live_table_head() {
   return fmt::format("{:<14} {:>8} {:>6} {:>8} {:>10} {:>8} {:>9} {:>14} {:>14} {:>10} {:>10}\n", "scene", "patches",
-                     "lamps", "columns", "device", "storage", "tolerance", "from 0", "after an edit", "CPU", "solves/s");
+                     "lamps", "columns", "device", "storage", "tolerance", "from 0", "after an edit", "CPU",
+                     "solves/s");
 }
 
 std::string live_table_line(const std::string& scene, const serve::LiveScene& live, const serve::LiveSolution& last,

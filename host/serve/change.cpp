@@ -66,7 +66,8 @@ std::map<std::size_t, Rgb> colours_of(const Json& json, const char* key, const L
   const auto& materials = scene.materials();
   for (const auto& [name, value] : json.items()) {
     const std::string& wanted = name;  // lambdas cannot hold a structured binding
-    const auto found = std::find_if(materials.begin(), materials.end(), [&](const auto& m) { return m.name == wanted; });
+    const auto found =
+        std::find_if(materials.begin(), materials.end(), [&](const auto& m) { return m.name == wanted; });
     if (found == materials.end()) refuse(fmt::format("{}: there is no material {}", key, quoted(name)));
     if (!value.is_array() || value.size() != 3) {
       refuse(fmt::format("{} of {}: three numbers are needed, [R, G, B]", key, quoted(name)));

@@ -72,8 +72,7 @@ void LiveScene::collect() {
     material.surfaces.assign(surfaces[m].begin(), surfaces[m].end());
     for (std::size_t c = 0; c < channels; ++c) {
       // The mean of equal values is that value, to the last bit.
-      material.reflectance[c] =
-          material.varies ? material.reflectance[c] / area[m] : mesh_.reflectance[first[m]][c];
+      material.reflectance[c] = material.varies ? material.reflectance[c] / area[m] : mesh_.reflectance[first[m]][c];
       material.emittance[c] = material.varies ? material.emittance[c] / area[m] : mesh_.emittance[first[m]][c];
     }
   }

@@ -127,8 +127,9 @@ Columns LiveSolver::guess(const Columns& reflectance, const Columns& emittance) 
     const double scale = scale_between(old_e, e);
     for (std::size_t i = 0; i < b[k].size(); ++i) {
       const double arrives = static_cast<double>(b[k][i]) - static_cast<double>(old_e[i]);
-      const double share =
-          rho[i] == old_rho[i] ? 1 : old_rho[i] > 0 ? static_cast<double>(rho[i]) / static_cast<double>(old_rho[i]) : 0;
+      const double share = rho[i] == old_rho[i] ? 1
+                           : old_rho[i] > 0     ? static_cast<double>(rho[i]) / static_cast<double>(old_rho[i])
+                                                : 0;
       const double value = static_cast<double>(e[i]) + scale * share * arrives;
       b[k][i] = std::isfinite(value) ? static_cast<float>(value) : e[i];
     }

@@ -31,18 +31,18 @@ struct Placement {
 
 /// A solution of a changed scene.
 struct LiveSolution {
-  std::uint64_t number = 0;           ///< counts the solves
-  Columns radiosity;                  ///< 3 g + channel
+  std::uint64_t number = 0;  ///< counts the solves
+  Columns radiosity;         ///< 3 g + channel
   SolveReport report;
   double tolerance = 0;
-  bool warm = false;                  ///< it began at the last solution
+  bool warm = false;  ///< it began at the last solution
   std::string device, storage;
-  double seconds = 0;                 ///< all of it, the columns' making included
-  std::string notice;                 ///< a device that failed on the way; empty: none
+  double seconds = 0;  ///< all of it, the columns' making included
+  std::string notice;  ///< a device that failed on the way; empty: none
 };
 
-/// Solves one scene over and over: F stays where it is, reflectances and emittances change, and each solve begins at the
-/// last solution. To be used by one thread.
+/// Solves one scene over and over: F stays where it is, reflectances and emittances change, and each solve begins at
+/// the last solution. To be used by one thread.
 class LiveSolver {
  public:
   /// Tries the devices in order until one takes F and solves the scene as it is. What is given must outlive this.

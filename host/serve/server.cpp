@@ -115,9 +115,11 @@ class Session : public std::enable_shared_from_this<Session<State>> {
 
   void start() {
     busy_ = state_->busy();
-    stream_.expires_after(milliseconds(busy_ ? std::min(1.0, state_->limits.read_seconds) : state_->limits.read_seconds));
-    http::async_read_header(stream_, buffer_, parser_,
-                            [self = this->shared_from_this()](error_code error, std::size_t) { self->on_header(error); });
+    stream_.expires_after(
+        milliseconds(busy_ ? std::min(1.0, state_->limits.read_seconds) : state_->limits.read_seconds));
+    http::async_read_header(
+        stream_, buffer_, parser_,
+        [self = this->shared_from_this()](error_code error, std::size_t) { self->on_header(error); });
   }
 
  private:
@@ -126,8 +128,13 @@ class Session : public std::enable_shared_from_this<Session<State>> {
     if (error) return send(unread(error, state_->limits));
     const auto& message = parser_.get();
     const auto field = [&](beast::string_view name) { return text(message[name]); };
-    request_ = {text(message.method_string()), text(message.target()), field("Host"),         field("Origin"),
-                field("Sec-Fetch-Site"),       field("Content-Type"),  {}};
+    request_ = {text(message.method_string()),
+                text(message.target()),
+                field("Host"),
+                field("Origin"),
+                field("Sec-Fetch-Site"),
+                field("Content-Type"),
+                {}};
     if (auto refused = state_->handler.refuse(request_)) return send(std::move(*refused));
     http::async_read(stream_, buffer_, parser_,
                      [self = this->shared_from_this()](error_code e, std::size_t) { self->on_body(e); });
@@ -139,7 +146,8 @@ class Session : public std::enable_shared_from_this<Session<State>> {
     stream_.expires_never();
     state_->handler.answer(request_, [self = this->shared_from_this()](Answer answer) mutable {
       auto executor = self->stream_.get_executor();
-      asio::post(executor, [self = std::move(self), answer = std::move(answer)]() mutable { self->send(std::move(answer)); });
+      asio::post(executor,
+                 [self = std::move(self), answer = std::move(answer)]() mutable { self->send(std::move(answer)); });
     });
   }
 
@@ -176,9 +184,10 @@ class Session : public std::enable_shared_from_this<Session<State>> {
 
   void drain(std::size_t so_far) {
     constexpr std::size_t most = 4 << 20;
-    stream_.async_read_some(asio::buffer(scrap_), [self = this->shared_from_this(), so_far](error_code error, std::size_t n) {
-      if (!error && so_far + n < most) self->drain(so_far + n);
-    });
+    stream_.async_read_some(asio::buffer(scrap_),
+                            [self = this->shared_from_this(), so_far](error_code error, std::size_t n) {
+                              if (!error && so_far + n < most) self->drain(so_far + n);
+                            });
   }
 
   State* state_;

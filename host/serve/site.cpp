@@ -107,13 +107,17 @@ void Site::answer(const Request& request, Desk::Done done) {
   if (path == "/") return done({200, "text/html; charset=utf-8", page_, {}});
   // What follows looks at the solver, which is its thread's own.
   if (path == "/scene") {
-    return desk_.leave("", [this] { return text_answer(200, "application/json", scene_json()); }, std::move(done));
+    return desk_.leave(
+        "", [this] { return text_answer(200, "application/json", scene_json()); }, std::move(done));
   }
-  if (path == "/devices") return desk_.leave("", [this] { return devices_answer(); }, std::move(done));
+  if (path == "/devices")
+    return desk_.leave(
+        "", [this] { return devices_answer(); }, std::move(done));
   if (path == "/solve") return solve(request, std::move(done));
   try {
     const std::string id = read_device_request(request.body);
-    desk_.leave("", [this, id] { return device_answer(id); }, std::move(done));
+    desk_.leave(
+        "", [this, id] { return device_answer(id); }, std::move(done));
   } catch (const Error& error) {
     done(refusal(400, error.what()));
   }
@@ -174,10 +178,10 @@ Answer Site::device_answer(const std::string& id) {
     if (error.kind() == ErrorKind::usage) return refusal(400, why);  // no such id
     return refusal(409, fmt::format("{}; {} stays in use", why.substr(0, why.find('\n')), solver_.device()));
   }
-  return text_answer(200, "application/json",
-                     dump({{"device", solver_.device()},
-                           {"device_name", solver_.device_name()},
-                           {"storage", solver_.last().storage}}));
+  return text_answer(
+      200, "application/json",
+      dump(
+          {{"device", solver_.device()}, {"device_name", solver_.device_name()}, {"storage", solver_.last().storage}}));
 }
 
 }  // namespace interflect::serve

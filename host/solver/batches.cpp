@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 #include <utility>
 
 #include "interflect/base/error.h"
@@ -17,37 +16,48 @@ BatchedSolve::BatchedSolve(Method method, const StopTest& stop, std::span<const 
       area_(area),
       reflectance_(reflectance),
       emittance_(emittance),
-      interval_(interval),
       radiosity_(emittance.size()) {
   if (emittance.empty() || reflectance.empty() || emittance.size() % reflectance.size() != 0) {
     throw Error(ErrorKind::usage, fmt::format("solve: {} columns of reflectances for {} of emittances",
                                               reflectance.size(), emittance.size()));
   }
+  batches_.push_back({0, emittance.size()});
+  batches_.back().checkpoint.interval = interval;
 }
 
-void BatchedSolve::cut(const Scheduler& scheduler) {
-  if (at_once_ != 0 && at_once_ != scheduler.most_columns()) {
-    throw Error(ErrorKind::internal, "a solve goes on with another number of columns at once");
+void BatchedSolve::begin_at(Columns guess) {
+  if (guess.size() != emittance_.size()) {
+    throw Error(ErrorKind::usage,
+                fmt::format("solve: {} columns to begin at for {} of emittances", guess.size(), emittance_.size()));
   }
-  if (!batches_.empty()) return;
-  if (!guess_.empty() && guess_.size() != emittance_.size()) {
-    throw Error(ErrorKind::usage, fmt::format("solve: {} columns to begin at for {} of emittances", guess_.size(),
-                                              emittance_.size()));
+  batches_.front().checkpoint.b = std::move(guess);
+}
+
+/// Batches of at most so many columns. What a batch has come to goes with its columns; what it has spent stays with the
+/// first of its parts.
+void BatchedSolve::cut(std::uint32_t most) {
+  std::vector<Batch> cut;
+  for (Batch& batch : batches_) {
+    if (batch.done || batch.columns <= most) {
+      cut.push_back(std::move(batch));
+      continue;
+    }
+    const Checkpoint whole = std::move(batch.checkpoint);
+    for (std::size_t at = 0; at < batch.columns; at += most) {
+      Batch part{batch.first + at, std::min<std::size_t>(most, batch.columns - at)};
+      if (at == 0) part.checkpoint = whole;
+      part.checkpoint.interval = whole.interval;
+      part.checkpoint.kept_iterations = whole.kept_iterations;
+      part.checkpoint.b.clear();
+      for (std::size_t c = 0; c < part.columns && !whole.b.empty(); ++c) part.checkpoint.b.push_back(whole.b[at + c]);
+      cut.push_back(std::move(part));
+    }
   }
-  at_once_ = scheduler.most_columns();
-  for (std::size_t first = 0; first < emittance_.size(); first += at_once_) {
-    batches_.push_back({first, std::min<std::size_t>(at_once_, emittance_.size() - first)});
-    Batch& batch = batches_.back();
-    batch.checkpoint.interval = interval_;
-    if (guess_.empty()) continue;
-    const auto begin = std::make_move_iterator(guess_.begin() + static_cast<std::ptrdiff_t>(first));
-    batch.checkpoint.b.assign(begin, begin + static_cast<std::ptrdiff_t>(batch.columns));
-  }
-  guess_.clear();
+  batches_ = std::move(cut);
 }
 
 void BatchedSolve::run(Scheduler& scheduler, ProgressSink* progress) {
-  cut(scheduler);
+  cut(scheduler.most_columns());
   for (Batch& batch : batches_) {
     if (batch.done) continue;
     Columns rho(batch.columns), e(batch.columns), b;
@@ -86,7 +96,9 @@ SolveReport BatchedSolve::report() const {
 
 std::uint64_t BatchedSolve::kept_iterations() const {
   std::uint64_t kept = 0;
-  for (const Batch& batch : batches_) kept += batch.checkpoint.kept_iterations + (batch.done ? 1 : 0);
+  for (const Batch& batch : batches_) {
+    kept += batch.columns * (std::uint64_t{batch.checkpoint.kept_iterations} + (batch.done ? 1 : 0));
+  }
   return kept;
 }
 

@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "interflect/base/progress.h"
@@ -24,18 +23,19 @@ class BatchedSolve {
                const Columns& emittance, double interval = 1.0);
 
   /// Where the solve begins instead of at 0: a column for each of `emittance`, such as the last solution of a problem
-  /// that has changed a little since (Checkpoint). Before the first run().
-  void begin_at(Columns guess) { guess_ = std::move(guess); }
+  /// that has changed a little since (Checkpoint). Before the first run(). Throws a
+  /// usage Error for another number of columns.
+  void begin_at(Columns guess);
 
   /// Solves what is not solved yet and leaves the Scheduler with the columns of the last batch. Throws what solve()
-  /// throws; what was done until then is kept. Every Scheduler must have been made with the same number of columns.
+  /// throws; what was done until then is kept, also where the next Scheduler takes fewer columns.
   void run(Scheduler& scheduler, ProgressSink* progress = nullptr);
   /// Forgets which batches are done, so that run() does them again.
   void begin_anew();
 
   /// Of all batches: iterations and passes of the one that took most, products and seconds together.
   [[nodiscard]] SolveReport report() const;
-  /// Iterations that are in what run() has kept.
+  /// Iterations that are in what run() has kept, times their columns; a batch that is done counts one more.
   [[nodiscard]] std::uint64_t kept_iterations() const;
   [[nodiscard]] Columns& radiosity() { return radiosity_; }
 
@@ -45,18 +45,15 @@ class BatchedSolve {
     Checkpoint checkpoint = {};
     std::optional<SolveReport> done = {};
   };
-  void cut(const Scheduler& scheduler);
+  void cut(std::uint32_t most);
 
   Method method_;
   const StopTest& stop_;
   std::span<const double> area_;
   const Columns& reflectance_;
   const Columns& emittance_;
-  double interval_;
-  std::uint32_t at_once_ = 0;
   std::vector<Batch> batches_;
   Columns radiosity_;
-  Columns guess_;
 };
 
 }  // namespace interflect

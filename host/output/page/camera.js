@@ -113,7 +113,7 @@ class Walker {
   fromOutside() {
     this.mode = "orbit";
     this.pitch = -0.6;
-    this.distance = 0.62 * this.view.size / Math.tan(this.fov / 2);
+    this.distance = 0.53 * this.view.size / Math.tan(this.fov / 2);
     this.eye = this.forward().multiplyScalar(-this.distance);
     this.apply();
   }

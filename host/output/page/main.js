@@ -86,7 +86,7 @@ class App {
     this.view.choose(patch);
     if (patch >= 0) {
       byId("inspector").open = true;
-      this.panel.say(said);
+      this.panel.say(said, false);
     }
   }
 
@@ -131,7 +131,8 @@ function start() {
   } catch (error) {
     const note = byId("hint");
     note.hidden = false;
-    note.textContent = /WebGL/i.test(String(error)) ? "This browser offers no WebGL, with which the room is drawn." : `The page cannot show the room: ${error.message}`;
+    note.textContent = /WebGL/i.test(String(error)) ? "This browser offers no WebGL, with which the room is drawn." :
+      `The page cannot show the room: ${error.message}`;
     document.documentElement.dataset.ready = "failed";
     throw error;
   }

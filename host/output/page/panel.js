@@ -20,6 +20,7 @@ class Panel {
     this.theme();
     this.folding();
     this.keys();
+    this.guides();
     window.addEventListener("resize", () => this.layout());
   }
 
@@ -142,6 +143,21 @@ class Panel {
     });
   }
 
+  /** The hint goes with the first use of the room; the room's focus ring is for those who use keys. */
+  guides() {
+    const room = byId("room"), root = document.documentElement;
+    const used = () => byId("hint").hidden = true;
+    room.addEventListener("pointerdown", () => {
+      delete root.dataset.keys;
+      used();
+    });
+    room.addEventListener("wheel", used, {passive: true});
+    document.addEventListener("keydown", (e) => {
+      if (e.code === "Tab") root.dataset.keys = "1";
+      if (e.target === room && e.code !== "Tab") used();
+    });
+  }
+
   theme() {
     const root = document.documentElement, names = ["auto", "light", "dark"];
     const dark = window.matchMedia("(prefers-color-scheme: dark)");
@@ -194,11 +210,11 @@ class Panel {
     walker.apply();
   }
 
-  /** Says something for a moment; screen readers hear it too. */
-  say(text) {
+  /** Says something for a moment, or, not `seen`, to screen readers only. */
+  say(text, seen = true) {
     const status = byId("status");
     status.textContent = text;
-    status.classList.add("shown");
+    status.classList.toggle("shown", seen);
     clearTimeout(this.saying);
     this.saying = setTimeout(() => status.classList.remove("shown"), 2500);
   }
@@ -218,7 +234,8 @@ class Panel {
     legend.show(state.scale, falseColours);
     const exposure = byId("exposure");
     this.middle = this.middle ?? state.exposure;
-    [exposure.min, exposure.max] = [Math.min(this.middle - 6, state.exposure), Math.max(this.middle + 6, state.exposure)];
+    exposure.min = Math.floor(Math.min(this.middle - 6, state.exposure));
+    exposure.max = Math.ceil(Math.max(this.middle + 6, state.exposure));
     exposure.value = state.exposure;
     fillTrack(exposure);
     byId("exposure-value").textContent = `× ${shown(2 ** state.exposure, 3)}`;
@@ -228,6 +245,7 @@ class Panel {
     fillTrack(byId("bounce"));
     byId("bounce-value").textContent =
       state.bounce >= light.bounces ? "all bounces" : state.bounce === 1 ? "1 bounce" : `${state.bounce} bounces`;
-    byId("hint").textContent = walker.mode === "walk" ? "Drag to look around · W A S D to walk · click a surface for its numbers" : "Drag to turn the room · wheel to go nearer · click a surface for its numbers";
+    byId("hint").textContent = (walker.mode === "walk" ? "Drag to look around · W A S D to walk" :
+      "Drag to turn the room · wheel to go nearer") + " · click a surface for its numbers";
   }
 }

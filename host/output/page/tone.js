@@ -58,7 +58,7 @@ function ticksOf(scale) {
   const ticks = [];
   if (scale.kind === "log") {
     const decades = Math.log10(scale.high / scale.low);
-    const steps = decades > 4 ? [1] : decades > 1.5 ? [1, 3] : [1, 2, 3, 5, 7];
+    const steps = decades > 4 ? [1] : decades > 2.5 ? [1, 3] : decades > 1 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 6, 8];
     for (let power = Math.floor(Math.log10(scale.low)); power <= Math.log10(scale.high) + 1e-9; ++power) {
       for (const step of steps) {
         const value = step * 10 ** power;

@@ -100,7 +100,14 @@ class View {
     this.width = Math.max(1, this.canvas.clientWidth);
     this.height = Math.max(1, this.canvas.clientHeight);
     this.free = {...free, width: Math.max(1, free.width), height: Math.max(1, free.height)};
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    this.fineness(1);
+  }
+
+  /** Pixels per pixel of the window's, by a share of what the screen has. */
+  fineness(share) {
+    this.share = share;
+    document.documentElement.dataset.coarse = share < 1 ? "1" : "";
+    this.renderer.setPixelRatio(share * Math.min(window.devicePixelRatio || 1, 2));
     this.renderer.setSize(this.width, this.height, false);
   }
 
@@ -110,8 +117,29 @@ class View {
 
   draw(time) {
     this.frame = 0;
+    this.keepPace(time);
     this.before(time);
     this.renderer.render(this.scene, this.camera);
+  }
+
+  /**
+   * Where pictures that follow each other come slowly, as without a graphics card, those in motion have fewer pixels;
+   * the last one has them all.
+   */
+  keepPace(time) {
+    const gap = time - (this.last ?? -Infinity);
+    this.last = time;
+    const inMotion = gap < 600;
+    this.pace = inMotion ? 0.6 * (this.pace ?? 16) + 0.4 * gap : 16;
+    if (inMotion && this.pace > 45 && this.share === 1) this.fineness(0.5);
+    clearTimeout(this.resting);
+    if (this.share < 1) {
+      this.resting = setTimeout(() => {
+        this.fineness(1);
+        this.last = -Infinity;
+        this.request();
+      }, 250);
+    }
   }
 
   /** The ray through a place on the canvas, in CSS pixels. */
@@ -171,6 +199,7 @@ class View {
 
   /** The picture without the panel's offset, as a canvas of its own. */
   photograph() {
+    this.fineness(1);
     const copy = document.createElement("canvas");
     const {camera, chosen} = this;
     const visible = chosen.visible;
