@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <vector>
@@ -23,7 +24,7 @@ constexpr int deepest = 8;
 }
 
 /// What a client wrote, short and printable.
-std::string quoted(std::string_view text) {
+std::string shortened(std::string_view text) {
   std::string out = Json(std::string(text.substr(0, 60))).dump(-1, ' ', true, Json::error_handler_t::replace);
   return text.size() > 60 ? out.insert(out.size() - 1, "...") : out;
 }
@@ -36,7 +37,7 @@ Json parsed(std::string_view body) {
     if (event == Json::parse_event_t::object_start) keys.emplace_back();
     if (event == Json::parse_event_t::object_end) keys.pop_back();
     if (event == Json::parse_event_t::key && !keys.back().insert(value.get<std::string>()).second) {
-      refuse(fmt::format("{} stands twice", quoted(value.get<std::string>())));
+      refuse(fmt::format("{} stands twice", shortened(value.get<std::string>())));
     }
     return true;
   };
@@ -47,7 +48,7 @@ Json parsed(std::string_view body) {
   } catch (const Json::exception& error) {
     std::string_view why = error.what();  // "[json.exception.NAME.NUMBER] parse error at ..."
     if (const std::size_t end = why.find("] "); end != std::string_view::npos) why.remove_prefix(end + 2);
-    refuse(fmt::format("the body is not JSON: {}", quoted(why)));
+    refuse(fmt::format("the body is not JSON: {}", shortened(why)));
   }
 }
 
@@ -55,7 +56,7 @@ double number_of(const Json& json, double least, double most, const std::string&
   const double value = json.is_number() ? json.get<double>() : least - 1;
   if (!(value >= least && value <= most)) {
     refuse(fmt::format("{}: {} is not a number from {} to {}", what,
-                       quoted(json.dump(-1, ' ', true, Json::error_handler_t::replace)), least, most));
+                       shortened(json.dump(-1, ' ', true, Json::error_handler_t::replace)), least, most));
   }
   return value;
 }
@@ -68,13 +69,13 @@ std::map<std::size_t, Rgb> colours_of(const Json& json, const char* key, const L
     const std::string& wanted = name;  // lambdas cannot hold a structured binding
     const auto found =
         std::find_if(materials.begin(), materials.end(), [&](const auto& m) { return m.name == wanted; });
-    if (found == materials.end()) refuse(fmt::format("{}: there is no material {}", key, quoted(name)));
+    if (found == materials.end()) refuse(fmt::format("{}: there is no material {}", key, shortened(name)));
     if (!value.is_array() || value.size() != 3) {
-      refuse(fmt::format("{} of {}: three numbers are needed, [R, G, B]", key, quoted(name)));
+      refuse(fmt::format("{} of {}: three numbers are needed, [R, G, B]", key, shortened(name)));
     }
     Rgb& colour = colours[static_cast<std::size_t>(found - materials.begin())];
     for (std::size_t c = 0; c < 3; ++c) {
-      colour[c] = number_of(value[c], 0, most, fmt::format("{} of {}", key, quoted(name)));
+      colour[c] = number_of(value[c], 0, most, fmt::format("{} of {}", key, shortened(name)));
     }
   }
   return colours;
@@ -103,12 +104,13 @@ SolveRequest read_solve_request(std::string_view body, const LiveScene& scene, d
     } else if (key == "emittance") {
       request.change.emittance = colours_of(value, "emittance", scene, largest_emittance);
     } else {
-      refuse(fmt::format("{} is not known: client, tolerance, reflectance, emittance are", quoted(key)));
+      refuse(fmt::format("{} is not known: client, tolerance, reflectance, emittance are", shortened(key)));
     }
   }
   for (const auto& [index, colour] : request.change.emittance) {
     const LiveMaterial& material = scene.materials()[index];
-    if (!material.emits) refuse(fmt::format("emittance of {}: it does not emit in the scene", quoted(material.name)));
+    if (!material.emits)
+      refuse(fmt::format("emittance of {}: it does not emit in the scene", shortened(material.name)));
   }
   return request;
 }
