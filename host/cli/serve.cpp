@@ -225,7 +225,10 @@ void add_solver_options(CLI::App& command, Options& options) {
       ->check(count(10'000'000))
       ->capture_default_str();
   command
-      .add_option("--storage", options.storage, "storage of the form factors: auto, dense32, dense16, tiled16, sym16")
+      .add_option("--storage", options.storage,
+                  "storage of the form factors: auto, dense32, dense16, tiled16, sym16 (large rooms: several times as "
+                  "many solves a "
+                  "second, radiosities within 1e-3)")
       ->check(CLI::IsMember({"auto", "dense32", "dense16", "tiled16", "sym16"}))
       ->capture_default_str();
   add_assembly_option(command, options.assembly);

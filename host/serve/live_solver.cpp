@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "interflect/base/error.h"
 #include "interflect/base/timer.h"
-#include "interflect/schedule/storage_choice.h"
 #include "interflect/solver/batches.h"
 #include "interflect/solver/fallback.h"
 #include "interflect/solver/rounding.h"
@@ -75,33 +75,41 @@ PlacedFormFactors LiveSolver::placed_on(const std::string& id, bool dense32, std
 void LiveSolver::use_device(const std::string& id) {
   std::string name;
   PlacedFormFactors placed = placed_on(id, false, name);
-  LiveSolution solution = solve_with(*placed.scheduler, change_);
-  if (!rounding_is_small(*placed.scheduler, solution)) {
-    progress_.message(fmt::format("{} is refused on {}: its rounding moves a radiosity too far; dense32 is used",
-                                  interflect::name(placed.scheduler->storage()), id));
+  Change probe = change_;
+  // What b is off by would count as rounding: as far as solve goes by default.
+  if (placed.scheduler->storage() != Storage::dense32) probe.tolerance = std::min(probe.tolerance, 1e-6);
+  LiveSolution solution = solve_with(*placed.scheduler, probe, false);
+  std::optional<double> rounding = rounding_of(*placed.scheduler, solution);
+  if (rounding && !(*rounding <= largest_live_rounding)) {  // also NaN
+    progress_.message(
+        fmt::format("warning: {} is refused on {}: its rounding moves a radiosity by {:.1e} of the "
+                    "largest, {:.0e} is allowed; dense32 is used",
+                    interflect::name(placed.scheduler->storage()), id, *rounding, largest_live_rounding));
+    rounding.reset();
     placed = placed_on(id, true, name);
-    solution = solve_with(*placed.scheduler, change_);
+    solution = solve_with(*placed.scheduler, change_, false);
   }
   std::swap(placed_, placed);  // the old one goes when all has gone well
   device_ = id;
   device_name_ = name;
+  rounding_ = solution.rounding_error = rounding;
   last_ = std::move(solution);
 }
 
-bool LiveSolver::rounding_is_small(Scheduler& scheduler, const LiveSolution& solution) const {
-  if (scheduler.storage() == Storage::dense32 || placement_.exact == nullptr) return true;
-  if (!solution.report.converged) return false;
-  const double error = rounding_error(scheduler, method_, *placement_.exact, scene_.mesh().area,
-                                      scene_.reflectance(change_), scene_.emittance(change_), solution.radiosity);
-  return error <= largest_rounding_error;
+std::optional<double> LiveSolver::rounding_of(Scheduler& scheduler, const LiveSolution& solution) const {
+  if (scheduler.storage() == Storage::dense32 || placement_.exact == nullptr) return std::nullopt;
+  if (!solution.report.converged) return std::numeric_limits<double>::quiet_NaN();
+  return rounding_error(scheduler, method_, *placement_.exact, scene_.mesh().area, scene_.reflectance(change_),
+                        scene_.emittance(change_), solution.radiosity);
 }
 
 LiveSolution LiveSolver::solve(const Change& change) {
   std::string notice;
   while (true) {
     try {
-      LiveSolution solution = solve_with(*placed_.scheduler, change);
+      LiveSolution solution = solve_with(*placed_.scheduler, change, begun_);
       solution.notice = notice;
+      solution.rounding_error = rounding_;
       last_ = solution;
       change_ = change;
       return solution;
@@ -137,7 +145,7 @@ Columns LiveSolver::guess(const Columns& reflectance, const Columns& emittance) 
   return b;
 }
 
-LiveSolution LiveSolver::solve_with(Scheduler& scheduler, const Change& change) {
+LiveSolution LiveSolver::solve_with(Scheduler& scheduler, const Change& change, bool warm) {
   const Timer timer;
   LiveSolution solution;
   Columns reflectance = scene_.reflectance(change), emittance = scene_.emittance(change);
@@ -146,8 +154,8 @@ LiveSolution LiveSolver::solve_with(Scheduler& scheduler, const Change& change) 
   stop.max_iterations = max_iterations_;
   const double compiled = scheduler.compile_seconds();
   BatchedSolve batches(method_, stop, scene_.mesh().area, reflectance, emittance);
-  solution.warm = begun_;
-  if (begun_) batches.begin_at(guess(reflectance, emittance));
+  solution.warm = warm;
+  if (warm) batches.begin_at(guess(reflectance, emittance));
   batches.run(scheduler, nullptr);
   solution.report = batches.report();
   solution.radiosity = std::move(batches.radiosity());

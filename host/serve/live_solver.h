@@ -14,6 +14,10 @@
 
 namespace interflect::serve {
 
+/// Largest difference of a radiosity, relative to the largest of its light group, that a 16-bit format may cause here:
+/// a quarter of a step of the screen's.
+inline constexpr double largest_live_rounding = 1e-3;
+
 /// F on a device, ready for solves.
 struct PlacedFormFactors {
   std::shared_ptr<const void> matrix = {};  ///< what the Scheduler reads, where that was made for it
@@ -37,8 +41,9 @@ struct LiveSolution {
   double tolerance = 0;
   bool warm = false;  ///< it began at the last solution
   std::string device, storage;
-  double seconds = 0;  ///< all of it, the columns' making included
-  std::string notice;  ///< a device that failed on the way; empty: none
+  std::optional<double> rounding_error;  ///< of the storage format, as rounding_error() has it when F was placed
+  double seconds = 0;                    ///< all of it, the columns' making included
+  std::string notice;                    ///< a device that failed on the way; empty: none
 };
 
 /// Solves one scene over and over: F stays where it is, reflectances and emittances change, and each solve begins at
@@ -58,9 +63,9 @@ class LiveSolver {
   /// Forgets the last solution: the next solve begins at 0.
   void forget() { begun_ = false; }
 
-  /// From now on on this device: F is placed there and the last change solved on it. When that fails its Error is
-  /// thrown, and everything is as before. In a 16-bit format whose rounding moves a radiosity by more than
-  /// largest_rounding_error F is placed again, in dense32.
+  /// From now on on this device: F is placed there and the last change solved on it from 0, so that it has shown what
+  /// it can. When that fails its Error is thrown, and everything is as before. In a 16-bit format whose rounding moves
+  /// a radiosity by more than largest_rounding_error F is placed again, in dense32.
   void use_device(const std::string& id);
   [[nodiscard]] const std::string& device() const { return device_; }
   [[nodiscard]] const std::string& device_name() const { return device_name_; }
@@ -68,9 +73,9 @@ class LiveSolver {
  private:
   void use_first();
   [[nodiscard]] PlacedFormFactors placed_on(const std::string& id, bool dense32, std::string& name) const;
-  [[nodiscard]] LiveSolution solve_with(Scheduler& scheduler, const Change& change);
+  [[nodiscard]] LiveSolution solve_with(Scheduler& scheduler, const Change& change, bool warm);
   [[nodiscard]] Columns guess(const Columns& reflectance, const Columns& emittance) const;
-  [[nodiscard]] bool rounding_is_small(Scheduler& scheduler, const LiveSolution& solution) const;
+  [[nodiscard]] std::optional<double> rounding_of(Scheduler& scheduler, const LiveSolution& solution) const;
 
   const LiveScene& scene_;
   std::vector<std::string> devices_;
@@ -80,7 +85,8 @@ class LiveSolver {
   ProgressSink& progress_;
   std::string device_, device_name_;
   PlacedFormFactors placed_;
-  Change change_;  ///< that of last_
+  std::optional<double> rounding_;  ///< of placed_
+  Change change_;                   ///< that of last_
   Columns reflectance_, emittance_;
   LiveSolution last_;
   bool begun_ = false;

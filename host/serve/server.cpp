@@ -51,7 +51,6 @@ std::string header_of(const Answer& answer, std::size_t length) {
 
 /// What to say of a request that could not be read; status 0: nobody is there to hear it.
 Answer unread(const error_code& error, const ServerLimits& limits) {
-  if (error == beast::error::timeout) return refusal(408, "the request took too long to come");
   if (error == http::error::body_limit) {
     return refusal(413, fmt::format("the body is larger than {} bytes", limits.body_bytes));
   }
@@ -104,7 +103,8 @@ namespace {
 template <class State>
 class Session : public std::enable_shared_from_this<Session<State>> {
  public:
-  Session(State& state, tcp::socket socket) : state_(&state), stream_(std::move(socket)) {
+  Session(State& state, tcp::socket socket)
+      : state_(&state), stream_(std::move(socket)), deadline_(stream_.get_executor()) {
     state_->opened();
     parser_.header_limit(state_->limits.header_bytes);
     parser_.body_limit(state_->limits.body_bytes);
@@ -115,8 +115,15 @@ class Session : public std::enable_shared_from_this<Session<State>> {
 
   void start() {
     busy_ = state_->busy();
-    stream_.expires_after(
+    // Not the stream's own timeout, which closes: what is late is told so.
+    deadline_.expires_after(
         milliseconds(busy_ ? std::min(1.0, state_->limits.read_seconds) : state_->limits.read_seconds));
+    deadline_.async_wait([weak = this->weak_from_this()](error_code error) {
+      const auto self = weak.lock();
+      if (error || !self || self->complete_) return;
+      self->late_ = true;
+      self->stream_.cancel();
+    });
     http::async_read_header(
         stream_, buffer_, parser_,
         [self = this->shared_from_this()](error_code error, std::size_t) { self->on_header(error); });
@@ -125,7 +132,7 @@ class Session : public std::enable_shared_from_this<Session<State>> {
  private:
   void on_header(error_code error) {
     if (busy_) return send(refusal(503, "too many connections"));
-    if (error) return send(unread(error, state_->limits));
+    if (error) return unread_request(error);
     const auto& message = parser_.get();
     const auto field = [&](beast::string_view name) { return text(message[name]); };
     request_ = {text(message.method_string()),
@@ -140,10 +147,14 @@ class Session : public std::enable_shared_from_this<Session<State>> {
                      [self = this->shared_from_this()](error_code e, std::size_t) { self->on_body(e); });
   }
 
+  void unread_request(const error_code& error) {
+    send(late_ ? refusal(408, "the request took too long to come") : unread(error, state_->limits));
+  }
+
   void on_body(error_code error) {
-    if (error) return send(unread(error, state_->limits));
+    if (error) return unread_request(error);
+    complete_ = true;
     request_.body = std::move(parser_.get().body());
-    stream_.expires_never();
     state_->handler.answer(request_, [self = this->shared_from_this()](Answer answer) mutable {
       auto executor = self->stream_.get_executor();
       asio::post(executor,
@@ -152,6 +163,8 @@ class Session : public std::enable_shared_from_this<Session<State>> {
   }
 
   void send(Answer answer) {
+    complete_ = true;
+    deadline_.cancel();
     if (answer.status == 0) return;
     answer_ = std::move(answer);
     const std::size_t length = answer_.body ? answer_.body->size() : 0;
@@ -178,7 +191,7 @@ class Session : public std::enable_shared_from_this<Session<State>> {
   void finish() {
     error_code ignored;
     stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
-    stream_.expires_after(std::chrono::seconds(1));
+    stream_.expires_after(milliseconds(std::min(1.0, state_->limits.write_seconds)));
     drain(0);
   }
 
@@ -192,13 +205,14 @@ class Session : public std::enable_shared_from_this<Session<State>> {
 
   State* state_;
   beast::tcp_stream stream_;
+  asio::steady_timer deadline_;  ///< until the request is complete
   beast::flat_buffer buffer_{96 << 10};
   http::request_parser<http::string_body> parser_;
   Request request_;
   Answer answer_;
   std::string header_;
   std::array<char, 4096> scrap_{};
-  bool busy_ = false;
+  bool busy_ = false, late_ = false, complete_ = false;
 };
 
 }  // namespace

@@ -48,6 +48,7 @@ Json said_of(const LiveSolution& solution) {
           {"seconds", solution.seconds},
           {"device", solution.device},
           {"storage", solution.storage},
+          {"rounding_error", solution.rounding_error ? Json(*solution.rounding_error) : Json()},
           {"notice", solution.notice}};
 }
 

@@ -322,7 +322,7 @@ class Live {
       ["products", "Products", `${solution.products}${solution.warm ? "" : ", from nothing"}`],
       ["residual", "Residual", Number.isFinite(residual) ? residual.toExponential(1) : "not a number"],
       ["round-trip", "With the way here", `${shown(milliseconds, 3)} ms`],
-      ["storage", "Storage", solution.storage],
+      ["storage", "Storage", solution.storage + (solution.rounding_error ? `, within ${solution.rounding_error.toExponential(1)}` : "")],
     ]);
     if (solution.device !== this.scene.device) {
       this.scene.device = this.device.value = solution.device;
