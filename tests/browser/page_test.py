@@ -257,6 +257,55 @@ class Page(unittest.TestCase):
                   value("#bounce")];""", self.slider(0), self.slider(1))
         self.assertEqual(state, ["30", "140", "#20c0ff", "2"])
 
+    def camera(self):
+        """Eye and target, as the link says them."""
+        self.browser.settle()
+        self.press("#link")
+        parts = dict(p.split("=") for p in self.hash_with("eye=")[1:].split("&"))
+        return [tuple(float(v) for v in parts[name].split(",")) for name in ("eye", "to")]
+
+    def test_mouse_touch_and_keys_move_the_camera(self):
+        far = lambda a, b: math.dist(a, b) > 0.05
+        close = lambda a, b: math.dist(a, b) < 1e-3
+        mouse = lambda kind, x, y, **more: self.browser.devtools(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", **more)
+
+        def drag():
+            mouse("mousePressed", 350, 200, buttons=1, clickCount=1)
+            mouse("mouseMoved", 420, 220, buttons=1)
+            mouse("mouseReleased", 420, 220, buttons=0, clickCount=1)
+
+        def fingers(*places):
+            self.browser.devtools("Input.dispatchTouchEvent", touchPoints=[
+                {"x": x, "y": y, "id": k} for k, (x, y) in enumerate(places[1:])], type=places[0])
+
+        for mode, stays in (("walk", 0), ("orbit", 1)):
+            self.reopen(CAMERA.replace("walk", mode))
+            before = self.camera()
+            drag()
+            after = self.camera()
+            self.assertTrue(close(before[stays], after[stays]), (mode, before, after))
+            self.assertTrue(far(before[1 - stays], after[1 - stays]), (mode, before, after))
+            fingers("touchStart", (350, 200))
+            fingers("touchMove", (300, 230))
+            fingers("touchEnd")
+            touched = self.camera()
+            self.assertTrue(close(after[stays], touched[stays]) and far(after[1 - stays], touched[1 - stays]), touched)
+            fingers("touchStart", (300, 200), (400, 200))
+            fingers("touchMove", (250, 200), (450, 200))
+            fingers("touchEnd")
+            pinched = self.camera()
+            self.assertTrue(far(touched[0], pinched[0]), pinched)
+            self.browser.devtools("Input.dispatchMouseEvent", type="mouseWheel", x=350, y=200, deltaX=0, deltaY=-100)
+            wheeled = self.camera()
+            self.assertTrue(far(pinched[0], wheeled[0]), wheeled)
+            self.browser.find("#room").type("s")
+            stepped = self.camera()
+            self.assertGreater(math.dist(wheeled[0], stepped[0]), 1e-3)
+            self.press("#home")
+            home = self.camera()
+            self.assertTrue(close(home[0], room.EYE) and close(home[1], room.TARGET), home)
+
     def test_a_name_that_means_harm_is_text(self):
         self.reopen()
         names = self.browser.run("return [...document.querySelectorAll('.lamp .name')].map((n) => n.textContent)")
