@@ -8,7 +8,7 @@ packages=(
   build-essential cmake ninja-build pkg-config git ca-certificates
   # libraries that the program uses
   libembree-dev libtbb-dev libtinygltf-dev libtinyobjloader-dev libpugixml-dev libcli11-dev nlohmann-json3-dev
-  libfmt-dev libhwy-dev libopenexr-dev libpng-dev libxxhash-dev
+  libfmt-dev libhwy-dev libopenexr-dev libpng-dev libxxhash-dev libstb-dev
   # loaders and compilers of the GPU backends (CUDA needs nothing to build)
   ocl-icd-opencl-dev opencl-headers libvulkan-dev glslang-dev glslang-tools spirv-tools
   # drivers that run GPU kernels on the processor, and what watches them in the tests
@@ -22,7 +22,7 @@ packages=(
   clang-14 clang-format-14 clang-tidy-14 libomp-14-dev libclang-rt-14-dev llvm-14
   python3
   # programs that no one here wrote, with which tests open what we write
-  assimp-utils openexr
+  assimp-utils openexr blender
 )
 
 missing=()

@@ -12,8 +12,10 @@
 #include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
 #include "interflect/device/registry.h"
+#include "interflect/output/lightmap.h"
 #include "interflect/schedule/storage_choice.h"
 #include "kept.h"
+#include "lightmap_options.h"
 #include "outputs.h"
 #include "parse.h"
 #include "pipeline.h"
@@ -28,6 +30,7 @@ namespace {
 struct Options {
   SceneOptions scene;
   std::vector<std::string> outputs;
+  LightmapOptions lightmap;
   std::string report;
   std::string form_factors;
   std::string device = "auto";
@@ -46,13 +49,20 @@ Method method_of(const std::string& text) {
 
 constexpr std::array extensions{".png", ".exr", ".ply", ".glb", ".csv", ".npy", ".json"};
 
+/// The files that the solution goes to.
+std::vector<std::string> result_files(const Options& options) {
+  std::vector<std::string> files = options.outputs;
+  files.insert(files.end(), options.lightmap.images.begin(), options.lightmap.images.end());
+  return files;
+}
+
 bool is_picture(const std::string& path) {
   return extension_of(path) == ".png" || extension_of(path) == ".exr";
 }
 
 /// Everything about the outputs that can be wrong before the work starts.
 void check_outputs(const Options& options) {
-  std::vector<std::string> files = options.outputs;
+  std::vector<std::string> files = result_files(options);
   if (!options.report.empty()) files.push_back(options.report);
   for (const std::string& file : options.outputs) {
     if (std::find(extensions.begin(), extensions.end(), extension_of(file)) == extensions.end()) {
@@ -61,12 +71,13 @@ void check_outputs(const Options& options) {
                               extension_of(file)));
     }
   }
+  check_lightmap(options.lightmap, options.outputs);
   // A file of form factors is read where it is there.
   std::error_code missing;
   const std::string& kept = options.form_factors;
   if (!kept.empty() && !std::filesystem::exists(kept, missing)) files.push_back(kept);
   check_files(files, options.scene.file);
-  for (const std::string& file : options.outputs) {
+  for (const std::string& file : result_files(options)) {
     if (kept.empty() || !same_file(file, kept)) continue;
     throw Error(ErrorKind::usage, fmt::format("{} is the file of form factors: an output would destroy it", file));
   }
@@ -74,7 +85,7 @@ void check_outputs(const Options& options) {
 
 /// What the scene is made of (materials, textures, buffers) is known once it is read.
 void check_inputs_stay(const Options& options, const Scene& scene) {
-  std::vector<std::string> outputs = options.outputs;
+  std::vector<std::string> outputs = result_files(options);
   if (!options.report.empty()) outputs.push_back(options.report);
   if (!options.form_factors.empty()) outputs.push_back(options.form_factors);
   for (const std::string& output : outputs) {
@@ -113,10 +124,14 @@ void check_picture(const Options& options) {
                   options.size, static_cast<double>(needed) / mebibyte, static_cast<double>(available) / mebibyte));
 }
 
-void write_outputs(const Options& options, const SolveSummary& summary, ProgressSink& progress) {
+void write_outputs(const Options& options, const SolveSummary& summary, std::optional<Atlas> atlas,
+                   ProgressSink& progress) {
   const MeshedScene& loaded = *summary.loaded;
   Solution solution{&loaded.mesh, loaded.grouping, summary.solved->radiosity, summary.assembled->row_sum};
   const PictureOptions picture = picture_options(options, loaded.scene);
+  std::optional<Lightmap> lightmap;
+  if (atlas) lightmap = bake_lightmap(solution, std::move(*atlas));
+  for (const std::string& file : options.lightmap.images) write_lightmap(*lightmap, file);
   std::optional<Picture> rendered;  // one for .png and .exr together
   for (const std::string& file : options.outputs) {
     const std::string extension = extension_of(file);
@@ -124,7 +139,7 @@ void write_outputs(const Options& options, const SolveSummary& summary, Progress
     if (extension == ".png") write_png(*rendered, picture.tone, file);
     if (extension == ".exr") write_exr(*rendered, file);
     if (extension == ".ply") write_ply(solution, file);
-    if (extension == ".glb") write_glb(solution, file);
+    if (extension == ".glb") write_glb(solution, file, lightmap ? &*lightmap : nullptr);
     if (extension == ".csv") write_csv(solution, file);
     if (extension == ".npy") write_npy(solution, file);
   }
@@ -148,6 +163,7 @@ int run(const Options& options) {
   const SceneOptions as_kept = with_the_files_divide(options.scene, options.form_factors);
   const MeshedScene loaded = load(as_kept, console);
   check_inputs_stay(options, loaded.scene);
+  const std::optional<Atlas> atlas = lightmap_atlas(options.lightmap, loaded.mesh, console);
   const Method method = method_of(options.method);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const PlacedSolve placed = options.form_factors.empty()
@@ -164,7 +180,7 @@ int run(const Options& options) {
   summary.radiosity_error =
       radiosity_error(assembled.tile_variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
   const Timer writing;
-  write_outputs(options, summary, console);
+  write_outputs(options, summary, atlas, console);
   summary.write_seconds = writing.seconds();
   summary.total_seconds = total.seconds();
   for (const std::string& file : options.outputs) {
@@ -174,7 +190,8 @@ int run(const Options& options) {
 
   if (!options.scene.quiet) {
     fmt::print("{}", to_text(summary));
-    for (const std::string& file : options.outputs) fmt::print("wrote          {}\n", file);
+    if (atlas) fmt::print("{}", lightmap_line(*atlas));
+    for (const std::string& file : result_files(options)) fmt::print("wrote          {}\n", file);
     if (!options.report.empty()) fmt::print("wrote          {}\n", options.report);
   }
   if (solved.report.converged || options.stop.iterations) return 0;
@@ -193,6 +210,7 @@ void add_solve(CLI::App& program, Action& action) {
                   "output, by extension: .png .exr .ply .glb .csv .npy .json (may be given several times)")
       ->type_size(1)
       ->allow_extra_args(false);
+  add_lightmap_options(command, options->lightmap);
   command.add_option("--report", options->report, "the report as JSON")->check(file_name());
   command
       .add_option("--form-factors", options->form_factors,
