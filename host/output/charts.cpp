@@ -8,8 +8,9 @@ namespace interflect {
 
 namespace {
 
-constexpr double flat_cosine = 1 - 4.5e-6;  // 0.003 radians
-constexpr double flat_distance = 1e-5;      // of the scene's diagonal
+// A wall that its four corners leave not quite flat is one chart; no length in it changes by more than 2e-4.
+constexpr double flat_cosine = 1 - 2e-4;  // 0.02 radians
+constexpr double flat_distance = 0.005;   // of the scene's diagonal
 constexpr auto none = std::numeric_limits<std::uint32_t>::max();
 
 /// One side of a triangle of the model: patches [first, end).

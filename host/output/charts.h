@@ -9,7 +9,7 @@
 
 namespace interflect {
 
-/// A flat piece of one surface's side, laid out in its own plane without distortion and without overlap.
+/// A flat piece of one surface's side, laid out in its plane without overlap.
 struct Chart {
   std::vector<std::uint32_t> patches;
   Vec3 origin{};                 ///< the point of the plane that lies at (0, 0)
@@ -26,10 +26,11 @@ struct Charts {
   std::vector<std::uint32_t> of_patch;  ///< per patch: index into list
 };
 
-/// Joins the triangles of the model that belong to one surface, show the same side, share whole edges and lie in one
-/// plane (normals within 0.003 radians, corners within 1e-5 of the scene's diagonal of the first one's plane). All
-/// patches of one side of a model's triangle are in the same chart. Triangles that overlap in their plane go to
-/// different charts. Each chart is turned so that its rectangle is the smallest. Deterministic.
+/// Joins the triangles of the model that belong to one surface, show the same side, share whole edges and lie nearly in
+/// one plane (normals within 0.02 radians of the first one's, corners within 0.005 of the scene's diagonal of its
+/// plane), on which they are projected: no length changes by more than 2e-4. All patches of one side of a model's
+/// triangle are in the same chart. Triangles that overlap in their plane go to different charts. Each chart is turned
+/// so that its rectangle is the smallest. Deterministic.
 [[nodiscard]] Charts flat_charts(const PatchMesh& mesh);
 
 using Triangle2 = std::array<Vec2, 3>;
