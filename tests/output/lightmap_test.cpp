@@ -143,6 +143,21 @@ TEST(AtlasTest, TheDensityIsTheLargestThatFitsOrTheOneAskedFor) {
   EXPECT_THROW(static_cast<void>(make_atlas(lit.mesh, options)), Error);
 }
 
+TEST(AtlasTest, ScaleAndPlaceDoNotMatter) {
+  const Sample lit;
+  const Atlas plain = small_atlas(lit.mesh);
+  for (const auto& [scale, offset] : {std::pair{1e-9, 0.0}, {1e12, 0.0}, {1.0, 1e4}}) {
+    Scene scene = test::sample_scene();
+    for (Vec3& p : scene.positions) p = p * scale + Vec3{offset, 0, -offset};
+    const test::Lit other(scene, 0.05 * scale * scale);
+    const Atlas atlas = small_atlas(other.mesh);
+    EXPECT_EQ(atlas.charts.list.size(), plain.charts.list.size()) << scale;
+    EXPECT_NEAR(atlas.density * scale / plain.density, 1, 0.01) << scale;
+    const Faults faults = faults_of(other.mesh, atlas);
+    EXPECT_EQ(faults.shared_texels + faults.close_patches + faults.outside + faults.wrong_size, 0U) << scale;
+  }
+}
+
 std::string refusal(const PatchMesh& mesh, const AtlasOptions& options, ErrorKind kind) {
   try {
     static_cast<void>(make_atlas(mesh, options));
