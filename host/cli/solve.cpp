@@ -14,8 +14,10 @@
 #include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
 #include "interflect/device/registry.h"
+#include "interflect/output/lightmap.h"
 #include "interflect/schedule/storage_choice.h"
 #include "kept.h"
+#include "lightmap_options.h"
 #include "outputs.h"
 #include "page.h"
 #include "parse.h"
@@ -32,6 +34,7 @@ struct Options {
   SceneOptions scene;
   bool page = false;  ///< see SolvingCommand
   std::vector<std::string> outputs;
+  LightmapOptions lightmap;
   std::string report;
   std::string form_factors;
   std::string device = "auto";
@@ -51,13 +54,20 @@ Method method_of(const std::string& text) {
 
 constexpr std::array extensions{".png", ".exr", ".ply", ".glb", ".csv", ".npy", ".html", ".json"};
 
+/// The files that the solution goes to.
+std::vector<std::string> result_files(const Options& options) {
+  std::vector<std::string> files = options.outputs;
+  files.insert(files.end(), options.lightmap.images.begin(), options.lightmap.images.end());
+  return files;
+}
+
 bool is_picture(const std::string& path) {
   return extension_of(path) == ".png" || extension_of(path) == ".exr";
 }
 
 /// Everything about the outputs that can be wrong before the work starts.
 void check_outputs(const Options& options) {
-  std::vector<std::string> files = options.outputs;
+  std::vector<std::string> files = result_files(options);
   if (!options.report.empty()) files.push_back(options.report);
   for (const std::string& file : options.outputs) {
     if (std::find(extensions.begin(), extensions.end(), extension_of(file)) == extensions.end()) {
@@ -66,12 +76,13 @@ void check_outputs(const Options& options) {
                               file, extension_of(file)));
     }
   }
+  check_lightmap(options.lightmap, options.outputs);
   // A file of form factors is read where it is there.
   std::error_code missing;
   const std::string& kept = options.form_factors;
   if (!kept.empty() && !std::filesystem::exists(kept, missing)) files.push_back(kept);
   check_files(files, options.scene.file);
-  for (const std::string& file : options.outputs) {
+  for (const std::string& file : result_files(options)) {
     if (kept.empty() || !same_file(file, kept)) continue;
     throw Error(ErrorKind::usage, fmt::format("{} is the file of form factors: an output would destroy it", file));
   }
@@ -79,7 +90,7 @@ void check_outputs(const Options& options) {
 
 /// What the scene is made of (materials, textures, buffers) is known once it is read.
 void check_inputs_stay(const Options& options, const Scene& scene) {
-  std::vector<std::string> outputs = options.outputs;
+  std::vector<std::string> outputs = result_files(options);
   if (!options.report.empty()) outputs.push_back(options.report);
   if (!options.form_factors.empty()) outputs.push_back(options.form_factors);
   for (const std::string& output : outputs) {
@@ -119,10 +130,13 @@ void check_picture(const Options& options) {
 }
 
 void write_outputs(const Options& options, const SolveSummary& summary, const PlacedSolve& placed,
-                   ProgressSink& progress) {
+                   std::optional<Atlas> atlas, ProgressSink& progress) {
   const MeshedScene& loaded = *summary.loaded;
   const Solution solution = solution_of(loaded, placed);
   const PictureOptions picture = picture_options(options, loaded.scene);
+  std::optional<Lightmap> lightmap;
+  if (atlas) lightmap = bake_lightmap(solution, std::move(*atlas));
+  for (const std::string& file : options.lightmap.images) write_lightmap(*lightmap, file);
   std::optional<Picture> rendered;  // one for .png and .exr together
   for (const std::string& file : options.outputs) {
     const std::string extension = extension_of(file);
@@ -130,7 +144,7 @@ void write_outputs(const Options& options, const SolveSummary& summary, const Pl
     if (extension == ".png") write_png(*rendered, picture.tone, file);
     if (extension == ".exr") write_exr(*rendered, file);
     if (extension == ".ply") write_ply(solution, file);
-    if (extension == ".glb") write_glb(solution, file);
+    if (extension == ".glb") write_glb(solution, file, lightmap ? &*lightmap : nullptr);
     if (extension == ".csv") write_csv(solution, file);
     if (extension == ".npy") write_npy(solution, file);
     if (extension == ".html") write_html(solution, page_options(summary), file);
@@ -181,6 +195,7 @@ int run(Options options) {
   check_inputs_stay(options, loaded.scene);
   Lamps lamps{light_groups(loaded.scene, loaded.mesh, options.light_groups)};
   if (has_page(options)) lamps.bounces = bounces_for_page(loaded.mesh.size(), lamps.groups.names.size());
+  const std::optional<Atlas> atlas = lightmap_atlas(options.lightmap, loaded.mesh, console);
   const Method method = method_of(options.method);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const PlacedSolve placed = options.form_factors.empty()
@@ -199,7 +214,7 @@ int run(Options options) {
       radiosity_error(assembled.tile_variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
   summary.estimate_seconds = estimating.seconds();
   const Timer writing;
-  write_outputs(options, summary, placed, console);
+  write_outputs(options, summary, placed, atlas, console);
   summary.write_seconds = writing.seconds();
   summary.total_seconds = total.seconds();
   for (const std::string& file : options.outputs) {
@@ -209,7 +224,8 @@ int run(Options options) {
 
   if (!options.scene.quiet) {
     fmt::print("{}", to_text(summary));
-    for (const std::string& file : options.outputs) fmt::print("wrote          {}\n", file);
+    if (atlas) fmt::print("{}", lightmap_line(*atlas));
+    for (const std::string& file : result_files(options)) fmt::print("wrote          {}\n", file);
     if (!options.report.empty()) fmt::print("wrote          {}\n", options.report);
     tell_pages(options);
   }
@@ -236,6 +252,7 @@ void add_solving(CLI::App& program, Action& action, const SolvingCommand& which)
                       : "output, by extension: .png .exr .ply .glb .csv .npy .html .json (may be given several times)")
       ->type_size(1)
       ->allow_extra_args(false);
+  add_lightmap_options(command, options->lightmap);
   command.add_option("--report", options->report, "the report as JSON")->check(file_name());
   command
       .add_option("--form-factors", options->form_factors,

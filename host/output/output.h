@@ -14,6 +14,8 @@
 
 namespace interflect {
 
+struct Lightmap;
+
 /// What a solve leaves, ready to be written: one radiosity and one row sum per patch.
 struct Solution {
   const PatchMesh* mesh = nullptr;
@@ -93,10 +95,13 @@ void write_exr(const Picture& picture, const std::filesystem::path& path);
 /// linear radiosity). A vertex appears once for each surface that meets there.
 void write_ply(const Solution& solution, const std::filesystem::path& path);
 /// glTF 2.0 binary; a node with its mesh for each group that has patches, triangles in patch order, unlit material.
-/// _RADIOSITY is the linear radiosity. COLOR_0 is linear too, but glTF demands 0..1: it is the radiosity times a
-/// factor, hue-preserving clip at 1. The factor is 1 when all radiosities are within 0..1 and not very dark, else the
-/// automatic exposure; it is stated in the scene's extras as "interflect_color_scale".
-void write_glb(const Solution& solution, const std::filesystem::path& path);
+/// _RADIOSITY is the linear radiosity, _GROUP_0, _GROUP_1, ... those of Solution::lit, whose names are in the scene's
+/// extras as "interflect_light_groups". COLOR_0 is linear too, but glTF demands 0..1: it is the radiosity times
+/// color_scale() (tone.h), hue-preserving clip at 1; the factor is in the scene's extras as "interflect_color_scale".
+/// With a lightmap the light is the material's texture instead of COLOR_0 (glTF multiplies the two): an embedded 8-bit
+/// PNG with the same factor. TEXCOORD_1 are its coordinates, and so are TEXCOORD_0, which glTF demands before; the
+/// extras have "interflect_lightmap". See lightmap.h.
+void write_glb(const Solution& solution, const std::filesystem::path& path, const Lightmap* lightmap = nullptr);
 /// One header line, then one line per patch: index,group,area,cx,cy,cz,nx,ny,nz,rho_r..b,e_r..b,b_r..b,row_sum.
 /// Numbers round-trip. The group is its name (control characters become spaces), quoted when it must be.
 void write_csv(const Solution& solution, const std::filesystem::path& path);

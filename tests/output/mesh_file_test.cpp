@@ -14,49 +14,22 @@
 #include "interflect/output/output.h"
 #include "interflect/output/smooth.h"
 #include "interflect/output/tone.h"
+#include "output/glb_read.h"
 #include "output/programs.h"
 #include "output/rooms.h"
+#include "output/sample_scene.h"
 
 namespace interflect {
 namespace {
 
-using test::Lit;
-using test::SceneBuilder;
+using test::float_at;
+using test::glb_json;
+using test::load_glb;
+using test::Sample;
 using test::TemporaryFolder;
-
-/// A floor, a wall with a lamp in it, and a round barrel: sharp edges, smooth ones and three groups.
-Scene sample_scene(const std::string& lamp_name = "lamp") {
-  SceneBuilder s;
-  const auto wall = s.material({0.5, 0.5, 0.5}), lamp = s.material({0.5, 0.5, 0.5}, {40, 30, 20});
-  s.quad("walls", wall, {0, 0, 0}, {0, 0, 2}, {2, 0, 2}, {2, 0, 0});
-  s.quad("walls", wall, {0, 0, 0}, {1, 0, 0}, {1, 2, 0}, {0, 2, 0});
-  s.quad(lamp_name, lamp, {1, 0, 0}, {2, 0, 0}, {2, 2, 0}, {1, 2, 0});
-  const auto at = [&](int k, double y) {
-    const double angle = 2 * std::numbers::pi * k / 16;
-    return Vec3{1 + 0.3 * std::cos(angle), y, 1 - 0.3 * std::sin(angle)};
-  };
-  for (int k = 0; k < 16; ++k) s.quad("barrel", wall, at(k, 0.1), at(k + 1, 0.1), at(k + 1, 1), at(k, 1));
-  return s.scene();
-}
-
-struct Sample : Lit {
-  explicit Sample(double brightness = 1, const std::string& lamp_name = "lamp") : Lit(sample_scene(lamp_name), 0.05) {
-    for (std::size_t i = 0; i < mesh.size(); ++i) {
-      const Vec3 p = mesh.centroid[i];
-      const double b = emits(mesh.emittance[i]) ? 20 * brightness : brightness * (1 + p.x + p.y);
-      solution.radiosity[i] = {b, b / 2, b / 4};
-    }
-  }
-};
-
-float float_at(const std::string& bytes, std::size_t at) {
-  std::uint32_t bits = 0;
-  for (std::size_t b = 4; b-- > 0;) bits = 256 * bits + static_cast<unsigned char>(bytes[at + b]);
-  return std::bit_cast<float>(bits);
-}
-std::uint32_t uint_at(const std::string& bytes, std::size_t at) {
-  return std::bit_cast<std::uint32_t>(float_at(bytes, at));
-}
+using test::uint_at;
+using test::Values;
+using test::values;
 
 struct PlyVertex {
   std::array<float, 3> position, normal, radiosity;
@@ -177,54 +150,6 @@ TEST(PlyTest, AssimpSeesTheColours) {
       EXPECT_EQ((*seen)[v][6 + c], ply.vertices[v].colour[c]);
     }
   }
-}
-
-/// The JSON chunk of a GLB file; checks the container.
-nlohmann::json glb_json(const std::string& bytes) {
-  EXPECT_EQ(bytes.substr(0, 4), "glTF");
-  EXPECT_EQ(uint_at(bytes, 4), 2U);
-  EXPECT_EQ(uint_at(bytes, 8), bytes.size());
-  const std::size_t length = uint_at(bytes, 12);
-  EXPECT_EQ(length % 4, 0U);
-  EXPECT_EQ(bytes.substr(16, 4), "JSON");
-  const std::size_t binary = 20 + length;
-  EXPECT_EQ(uint_at(bytes, binary) % 4, 0U);
-  EXPECT_EQ(bytes.substr(binary + 4, 4), std::string("BIN\0", 4));
-  EXPECT_EQ(binary + 8 + uint_at(bytes, binary), bytes.size());
-  return nlohmann::json::parse(bytes.substr(20, length));
-}
-
-tinygltf::Model load_glb(const std::filesystem::path& path) {
-  tinygltf::TinyGLTF loader;
-  tinygltf::Model model;
-  std::string error, warning;
-  EXPECT_TRUE(loader.LoadBinaryFromFile(&model, &error, &warning, path.string())) << error;
-  EXPECT_EQ(error + warning, "");
-  return model;
-}
-
-struct Values {
-  std::size_t count = 0;
-  const unsigned char* bytes = nullptr;
-  template <class T>
-  [[nodiscard]] T at(std::size_t k) const {
-    T value;
-    std::memcpy(&value, bytes + k * sizeof(T), sizeof(T));
-    return value;
-  }
-};
-Values values(const tinygltf::Model& model, int index, int component, int type) {
-  const auto& accessor = model.accessors.at(static_cast<std::size_t>(index));
-  EXPECT_EQ(accessor.componentType, component);
-  EXPECT_EQ(accessor.type, type);
-  const auto& view = model.bufferViews.at(static_cast<std::size_t>(accessor.bufferView));
-  const auto& data = model.buffers.at(static_cast<std::size_t>(view.buffer)).data;
-  const std::size_t size =
-      4U * static_cast<std::size_t>(tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(type)));
-  EXPECT_EQ(view.byteLength, accessor.count * size);
-  EXPECT_LE(view.byteOffset + view.byteLength, data.size());
-  EXPECT_EQ(view.byteOffset % 4, 0U);
-  return {accessor.count, data.data() + view.byteOffset};
 }
 
 TEST(GlbTest, HoldsTheSmoothMeshByGroups) {
