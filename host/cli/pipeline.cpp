@@ -39,6 +39,12 @@ void add_scene_options(CLI::App& command, SceneOptions& options, const std::stri
                      "what the form factors may take, such as 4G (default: what is available, less a reserve); what "
                      "exceeds it stays in the .iff file and is read for every product");
   command.add_flag("--quiet", options.quiet, "no progress, no warnings; solve: no summary either");
+  command.add_flag("--json-progress", options.json_progress,
+                   "progress for programs: one JSON object per line on stderr (docs/progress.md)");
+}
+
+Voice voice_of(const SceneOptions& options) {
+  return options.json_progress ? Voice::json : options.quiet ? Voice::quiet : Voice::people;
 }
 
 GroupBy group_by(const std::string& name) {
@@ -75,11 +81,14 @@ std::vector<std::string> report_findings(const Scene& scene, bool two_sided, Pro
 MeshedScene load(const SceneOptions& options, ProgressSink& progress) {
   MeshedScene loaded;
   Timer timer;
+  progress.begin("Read", 0);
   loaded.scene = read_scene(options.file);
+  progress.end();
   loaded.warnings = report_findings(loaded.scene, options.two_sided, progress);
   loaded.read_seconds = timer.seconds();
 
   timer.restart();
+  progress.begin("Mesh", 0);
   SubdivideOptions subdivision;
   subdivision.two_sided = options.two_sided;
   subdivision.divide = options.divide
@@ -89,6 +98,7 @@ MeshedScene load(const SceneOptions& options, ProgressSink& progress) {
   loaded.mesh = subdivide(loaded.scene, subdivision);
   loaded.grouping = group_surfaces(loaded.scene, group_by(options.group_by));
   loaded.mesh_seconds = timer.seconds();
+  progress.end();
   return loaded;
 }
 
@@ -191,6 +201,7 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
   };
   Columns radiosity;
   const auto measure = [&](Scheduler& scheduler) {
+    if (progress.interrupted()) return;
     use.rounding_error =
         rounding_error(scheduler, method, matrix, mesh.area, light.reflectance, light.emittance, radiosity);
   };
@@ -210,6 +221,7 @@ Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
   Solved solved = solve_packed(matrix, mesh, candidates, format, method, stop, progress);
   const std::optional<double> error = solved.storage.rounding_error;
   std::string why;
+  if (solved.report.interrupted) return solved;
   if (!solved.report.converged && !stop.iterations && solved.report.iterations < stop.max_iterations) {
     why = "the rounded form factors have no solution within the tolerance";  // where ρ is near 1 they may have none at
                                                                              // all

@@ -9,13 +9,12 @@
 #include "console.h"
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
-#include "interflect/base/memory.h"
 #include "interflect/base/timer.h"
 #include "interflect/device/registry.h"
 #include "interflect/schedule/storage_choice.h"
 #include "kept.h"
 #include "outputs.h"
-#include "parse.h"
+#include "picture_options.h"
 #include "pipeline.h"
 #include "place.h"
 #include "report.h"
@@ -35,9 +34,7 @@ struct Options {
   std::string storage = "auto";
   std::string assembly = "auto";
   StopTest stop;
-  std::string camera, up = "0,1,0", size = "1280x720", tone = "filmic";
-  std::optional<double> exposure;
-  std::uint32_t samples = 16;
+  PictureText picture;
 };
 
 Method method_of(const std::string& text) {
@@ -85,49 +82,26 @@ void check_inputs_stay(const Options& options, const Scene& scene) {
   }
 }
 
-PictureOptions picture_options(const Options& options, const Scene& scene) {
-  PictureOptions picture;
-  const auto [width, height] = parse_size(options.size);
-  picture.width = width;
-  picture.height = height;
-  picture.exposure = options.exposure;
-  picture.tone = options.tone == "linear" ? ToneMap::linear : ToneMap::filmic;
-  picture.samples = options.samples;
-  picture.camera = options.camera.empty() ? scene.camera : parse_camera(options.camera, options.up);
-  return picture;
-}
-
-/// A malformed --size or --camera, and a picture that will not fit, are found before the work.
-void check_picture(const Options& options) {
-  const PictureOptions picture = picture_options(options, Scene{});
-  if (std::none_of(options.outputs.begin(), options.outputs.end(), is_picture)) return;
-  // Linear and displayed values in single precision, then the bytes of one file, plain and packed.
-  constexpr std::uint64_t bytes_per_pixel = 6 * sizeof(float) + 6 * sizeof(std::uint16_t);
-  const std::uint64_t needed = bytes_per_pixel * picture.width * picture.height;
-  const std::uint64_t available = available_memory();
-  if (needed <= available) return;
-  constexpr double mebibyte = 1 << 20;
-  throw Error(
-      ErrorKind::limit,
-      fmt::format("--size {}: the picture needs {:.0f} MiB, and {:.0f} MiB may be used: use a smaller one",
-                  options.size, static_cast<double>(needed) / mebibyte, static_cast<double>(available) / mebibyte));
-}
-
 void write_outputs(const Options& options, const SolveSummary& summary, ProgressSink& progress) {
   const MeshedScene& loaded = *summary.loaded;
   Solution solution{&loaded.mesh, loaded.grouping, summary.solved->radiosity, summary.assembled->row_sum};
-  const PictureOptions picture = picture_options(options, loaded.scene);
+  const PictureOptions picture = picture_options(options.picture, loaded.scene.camera);
   std::optional<Picture> rendered;  // one for .png and .exr together
+  if (std::any_of(options.outputs.begin(), options.outputs.end(), is_picture)) {
+    rendered = render(solution, picture, &progress);
+  }
+  progress.begin("Write", options.outputs.size());
   for (const std::string& file : options.outputs) {
     const std::string extension = extension_of(file);
-    if (is_picture(file) && !rendered) rendered = render(solution, picture, &progress);
     if (extension == ".png") write_png(*rendered, picture.tone, file);
     if (extension == ".exr") write_exr(*rendered, file);
     if (extension == ".ply") write_ply(solution, file);
     if (extension == ".glb") write_glb(solution, file);
     if (extension == ".csv") write_csv(solution, file);
     if (extension == ".npy") write_npy(solution, file);
+    progress.advance(1);
   }
+  progress.end();
 }
 
 void write_report(const SolveSummary& summary, const std::string& path) {
@@ -138,9 +112,9 @@ void write_report(const SolveSummary& summary, const std::string& path) {
 
 int run(const Options& options) {
   const Timer total;
-  Console console(options.scene.quiet);
+  Console console(voice_of(options.scene));
   check_outputs(options);
-  check_picture(options);
+  check_picture(options.picture, std::any_of(options.outputs.begin(), options.outputs.end(), is_picture));
   Candidates candidates(
       choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &console);
   candidates.open();  // a device that is not there is found before the work, too
@@ -177,8 +151,15 @@ int run(const Options& options) {
     for (const std::string& file : options.outputs) fmt::print("wrote          {}\n", file);
     if (!options.report.empty()) fmt::print("wrote          {}\n", options.report);
   }
+  if (console.interrupted()) {
+    say_error(ErrorKind::interrupted,
+              solved.report.interrupted
+                  ? fmt::format("what was asked for is written from the best so far: {}", solved.report.reason)
+                  : "the solve was done, and what was asked for is written");
+    return exit_status(ErrorKind::interrupted);
+  }
   if (solved.report.converged || options.stop.iterations) return 0;
-  fmt::print(stderr, "interflect: not converged: {}\n", solved.report.reason);
+  say_error(ErrorKind::not_converged, solved.report.reason);
   return exit_status(ErrorKind::not_converged);
 }
 
@@ -220,18 +201,7 @@ void add_solve(CLI::App& program, Action& action) {
       ->check(CLI::IsMember({"auto", "dense32", "dense16", "tiled16", "sym16"}))
       ->capture_default_str();
   add_assembly_option(command, options->assembly);
-  auto* camera =
-      command.add_option("--camera", options->camera, "EX,EY,EZ,TX,TY,TZ[,FOV]: eye, target, vertical degrees");
-  command.add_option("--up", options->up, "the camera's up: X,Y,Z")->needs(camera)->capture_default_str();
-  command.add_option("--size", options->size, "picture size: WIDTHxHEIGHT")->capture_default_str();
-  command.add_option("--exposure", options->exposure, "factor on the radiosity before the tone curve")
-      ->check(number(0.0));
-  command.add_option("--tone", options->tone, "tone curve: linear, filmic")
-      ->check(CLI::IsMember({"linear", "filmic"}))
-      ->capture_default_str();
-  command.add_option("--samples", options->samples, "samples per pixel")
-      ->check(number(0U, 4096U))
-      ->capture_default_str();
+  add_picture_options(command, options->picture);
   command.callback([options, &action] { action = [options] { return run(*options); }; });
 }
 

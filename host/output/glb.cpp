@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -157,11 +158,15 @@ void write_glb(const Solution& solution, const std::filesystem::path& path) {
   const std::vector<Rgb> radiosity = smooth_radiosities(smooth, mesh, solution.radiosity);
   const double scale = color_scale(solution);
   const std::vector<Part> parts = split_by_group(solution, smooth);
+  std::vector<Rgb> emittance(smooth.size());  // lamps and what is lit never share a smooth vertex
+  for (std::size_t i = 0; i < mesh.size(); ++i) {
+    for (const std::uint32_t s : smooth.corners[i]) emittance[s] = mesh.emittance[i];
+  }
   Asset asset;
   asset.json()["scenes"][0]["extras"] = {{"interflect_color_scale", scale}};
   for (std::size_t g = 0; g < parts.size(); ++g) {
     if (parts[g].indices.empty()) continue;
-    std::vector<std::array<float, 3>> position, normal, linear;
+    std::vector<std::array<float, 3>> position, normal, linear, emitted;
     std::vector<std::array<float, 4>> colour;  // opaque: some readers take a missing alpha for 0
     for (const std::uint32_t s : parts[g].vertices) {
       const Rgb& b = radiosity[s];
@@ -170,11 +175,15 @@ void write_glb(const Solution& solution, const std::filesystem::path& path) {
       const auto shown = floats(tone_map({scale * b[0], scale * b[1], scale * b[2]}, ToneMap::linear));
       colour.push_back({shown[0], shown[1], shown[2], 1});
       linear.push_back(floats(b));
+      emitted.push_back(floats(emittance[s]));
     }
-    const Json attributes = {{"POSITION", asset.add_vectors(position, true)},
-                             {"NORMAL", asset.add_vectors(normal, false)},
-                             {"COLOR_0", asset.add_vectors(colour, false)},
-                             {"_RADIOSITY", asset.add_vectors(linear, false)}};
+    Json attributes = {{"POSITION", asset.add_vectors(position, true)},
+                       {"NORMAL", asset.add_vectors(normal, false)},
+                       {"COLOR_0", asset.add_vectors(colour, false)},
+                       {"_RADIOSITY", asset.add_vectors(linear, false)}};
+    if (std::any_of(parts[g].vertices.begin(), parts[g].vertices.end(), [&](auto s) { return emits(emittance[s]); })) {
+      attributes["_EMITTANCE"] = asset.add_vectors(emitted, false);
+    }
     const Json primitive = {
         {"attributes", attributes}, {"indices", asset.add_indices(parts[g].indices)}, {"material", 0}};
     const std::string& name = solution.grouping.names[g];

@@ -35,6 +35,8 @@ struct Solution {
 /// A vertex that hangs in the middle of a coarser neighbour's edge, as subdivision leaves it between triangles of
 /// different size, gets the mean of the edge's ends, so that no crack shows; a vertex that the model itself left
 /// elsewhere on an edge does not.
+/// Light does not mix across a wall that stands on a patch's edge or goes through the patch, whether it shares vertices
+/// with it or not: a patch that goes on under a wall takes part only at corners whose side is nearly the whole of it.
 /// Patches without a finite radiosity are left out of the mean. Throws an internal Error unless there is one radiosity
 /// per patch.
 [[nodiscard]] std::vector<std::array<Rgb, 3>> corner_radiosities(const PatchMesh& mesh,
@@ -54,7 +56,8 @@ struct PictureOptions {
   /// emit use the screen's range while lamps may clip.
   std::optional<double> exposure;
   ToneMap tone = ToneMap::filmic;
-  /// Per pixel, stratified. A pixel whose first 4 see one and the same patch gets no more.
+  /// Per pixel, stratified. A pixel whose first 4 see one patch, or one surface in one colour (within 2 %), gets no
+  /// more.
   std::uint32_t samples = 16;
 };
 
@@ -93,7 +96,7 @@ void write_exr(const Picture& picture, const std::filesystem::path& path);
 /// linear radiosity). A vertex appears once for each surface that meets there.
 void write_ply(const Solution& solution, const std::filesystem::path& path);
 /// glTF 2.0 binary; a node with its mesh for each group that has patches, triangles in patch order, unlit material.
-/// _RADIOSITY is the linear radiosity. COLOR_0 is linear too, but glTF demands 0..1: it is the radiosity times a
+/// _RADIOSITY is the linear radiosity, _EMITTANCE the emittance (in groups with lamps only). COLOR_0 is linear too, but glTF demands 0..1: it is the radiosity times a
 /// factor, hue-preserving clip at 1. The factor is 1 when all radiosities are within 0..1 and not very dark, else the
 /// automatic exposure; it is stated in the scene's extras as "interflect_color_scale".
 void write_glb(const Solution& solution, const std::filesystem::path& path);
