@@ -11,6 +11,7 @@
 #include "interflect/base/timer.h"
 #include "interflect/formfactor/patch_order.h"
 #include "interflect/schedule/storage_choice.h"
+#include "interflect/solver/batches.h"
 #include "interflect/solver/rounding.h"
 #include "tune.h"
 #include "validators.h"
@@ -139,20 +140,6 @@ FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& opti
   return factors;
 }
 
-namespace {
-
-constexpr std::size_t channels = 3;
-
-std::vector<Rgb> by_patch(const Columns& columns) {
-  std::vector<Rgb> values(columns.front().size());
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    for (std::size_t c = 0; c < channels; ++c) values[i][c] = static_cast<double>(columns[c][i]);
-  }
-  return values;
-}
-
-}  // namespace
-
 PackedMatrix pack(const FormFactorMatrix& matrix, const PatchMesh& mesh, Storage storage, std::uint32_t block) {
   PackedMatrix::Options options;
   options.block = block;
@@ -160,65 +147,91 @@ PackedMatrix pack(const FormFactorMatrix& matrix, const PatchMesh& mesh, Storage
   return {matrix, mesh.area, storage, std::move(options)};
 }
 
-Light light_of(const PatchMesh& mesh) {
-  const std::size_t n = mesh.size();
-  Light light{Columns(channels, std::vector<float>(n)), Columns(channels, std::vector<float>(n))};
-  for (std::size_t c = 0; c < channels; ++c) {
-    for (std::size_t i = 0; i < n; ++i) {
-      light.reflectance[c][i] = static_cast<float>(mesh.reflectance[i][c]);
-      light.emittance[c][i] = static_cast<float>(mesh.emittance[i][c]);
-    }
-  }
-  return light;
-}
-
-Solved solved_of(FallbackReport done, const Columns& radiosity, StorageUse storage) {
-  return {by_patch(radiosity), std::move(done.report), std::move(done.devices), std::move(done.failures),
-          done.upload_seconds, std::move(storage),     done.uploaded_bytes};
+Solved solved_of(FallbackReport done, const PatchMesh& mesh, const Lamps& lamps, const Columns& radiosity,
+                 StorageUse storage) {
+  LitPatches lit = lit_patches(radiosity, lamps.groups);
+  Solved solved{std::move(lit.all),  std::move(done.report), std::move(done.devices), std::move(done.failures),
+                done.upload_seconds, std::move(storage),     done.uploaded_bytes};
+  solved.lights = lamps.groups;
+  solved.lit = std::move(lit.by_group);
+  solved.groups = group_residuals(mesh, lamps.groups, solved.report.relative_residual);
+  solved.report.relative_residual = worst_of_groups(solved.report.relative_residual);
+  return solved;
 }
 
 namespace {
 
+constexpr std::uint32_t channels = 3;
+
+using Bounces = std::vector<std::vector<std::vector<Rgb>>>;
+
 Solved solve_dense(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Method method,
-                   const StopTest& stop, ProgressSink& progress) {
-  const Light light = light_of(mesh);
+                   const StopTest& stop, ProgressSink& progress, const Lamps& lamps) {
+  const Light light = light_of(mesh, lamps.groups);
   Columns radiosity;
-  FallbackReport done =
-      solve_on(candidates, matrix, method, stop, mesh.area, light.reflectance, light.emittance, radiosity, &progress);
-  return solved_of(std::move(done), radiosity, {Storage::dense32, matrix.bytes(), matrix.nonzero_fraction()});
+  Bounces bounces;
+  FallbackReport done = solve_on(candidates, matrix, method, stop, mesh.area, light.reflectance, light.emittance,
+                                 radiosity, &progress, 1.0, [&](Scheduler& scheduler) {
+                                   if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
+                                 });
+  Solved solved =
+      solved_of(std::move(done), mesh, lamps, radiosity, {Storage::dense32, matrix.bytes(), matrix.nonzero_fraction()});
+  solved.bounces = std::move(bounces);
+  return solved;
+}
+
+/// Columns for one pass over the matrix: fewer where sym16's partial sums of all of them are too large for the device.
+std::uint32_t columns_of_packed(const PackedMatrix& packed, const DeviceInfo& device, std::size_t columns) {
+  std::uint32_t at_once = columns_at_once(columns);
+  if (packed.storage() != Storage::sym16) return at_once;
+  const std::uint64_t of_a_column =
+      std::uint64_t{packed.block_rows()} * packed.block_rows() * packed.block() * sizeof(float);
+  const auto too_large = [&](std::uint64_t bytes) {
+    return (device.max_buffer_bytes != 0 && bytes > device.max_buffer_bytes) ||
+           (device.memory_bytes != 0 && bytes > device.memory_bytes / 4);
+  };
+  while (at_once > channels && too_large(at_once * of_a_column)) at_once -= channels;
+  return at_once;
 }
 
 Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Storage storage,
-                    Method method, const StopTest& stop, ProgressSink& progress) {
+                    Method method, const StopTest& stop, ProgressSink& progress, const Lamps& lamps) {
   const Timer packing;
   const PackedMatrix packed = pack(matrix, mesh, storage, sym16_block(candidates.info(), matrix.size()));
   StorageUse use{storage, packed.bytes(), packed.nonzero_fraction(), {}, packing.seconds()};
-  const Light light = light_of(mesh);
+  const Light light = light_of(mesh, lamps.groups);
   const Place place = [&](std::unique_ptr<Device> device) {
     std::vector<std::unique_ptr<Device>> devices;
+    const std::uint32_t columns = columns_of_packed(packed, device->info(), light.emittance.size());
     devices.push_back(std::move(device));
-    return std::make_unique<Scheduler>(packed, std::move(devices), static_cast<std::uint32_t>(channels));
+    return std::make_unique<Scheduler>(packed, std::move(devices), columns);
   };
   Columns radiosity;
-  const auto measure = [&](Scheduler& scheduler) {
+  Bounces bounces;
+  const auto after = [&](Scheduler& scheduler) {
     if (progress.interrupted()) return;
+    if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
+    // A fixed number of iterations asks for that many bounces, not for a solution that could be judged.
+    if (stop.iterations) return;
     use.rounding_error =
         rounding_error(scheduler, method, matrix, mesh.area, light.reflectance, light.emittance, radiosity);
   };
-  // A fixed number of iterations asks for that many bounces, not for a solution that could be judged.
   FallbackReport done = solve_on(candidates, place, method, stop, mesh.area, light.reflectance, light.emittance,
-                                 radiosity, &progress, 1.0, stop.iterations ? nullptr : std::function(measure));
-  return solved_of(std::move(done), radiosity, use);
+                                 radiosity, &progress, 1.0, after);
+  Solved solved = solved_of(std::move(done), mesh, lamps, radiosity, use);
+  solved.bounces = std::move(bounces);
+  return solved;
 }
 
 }  // namespace
 
 Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
-                   std::optional<Storage> storage, Method method, const StopTest& stop, ProgressSink& progress) {
+                   std::optional<Storage> storage, Method method, const StopTest& stop, ProgressSink& progress,
+                   const Lamps& lamps) {
   const Storage format = storage ? *storage : choose_storage(matrix.size(), candidates.info());
   tune_on_first_use(candidates.device(), format, matrix.size(), progress);
-  if (format == Storage::dense32) return solve_dense(matrix, mesh, candidates, method, stop, progress);
-  Solved solved = solve_packed(matrix, mesh, candidates, format, method, stop, progress);
+  if (format == Storage::dense32) return solve_dense(matrix, mesh, candidates, method, stop, progress, lamps);
+  Solved solved = solve_packed(matrix, mesh, candidates, format, method, stop, progress, lamps);
   const std::optional<double> error = solved.storage.rounding_error;
   std::string why;
   if (solved.report.interrupted) return solved;
@@ -231,7 +244,7 @@ Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
   }
   if (why.empty()) return solved;
   progress.message(fmt::format("warning: {} is refused: {}; solving with dense32", name(format), why));
-  Solved dense = solve_dense(matrix, mesh, candidates, method, stop, progress);
+  Solved dense = solve_dense(matrix, mesh, candidates, method, stop, progress, lamps);
   dense.storage.refused = fmt::format("{}: {}", name(format), why);
   dense.storage.pack_seconds = solved.storage.pack_seconds;
   dense.uploaded_bytes += solved.uploaded_bytes;
@@ -239,7 +252,8 @@ Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
 }
 
 Solved solve_streamed(const StreamedMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
-                      std::optional<Storage> storage, Method method, const StopTest& stop, ProgressSink& progress) {
+                      std::optional<Storage> storage, Method method, const StopTest& stop, ProgressSink& progress,
+                      const Lamps& lamps) {
   if (storage && *storage != Storage::dense32) {
     throw Error(ErrorKind::limit,
                 fmt::format("--storage {} is packed from all form factors at once, and they do not fit the memory: use "
@@ -247,31 +261,40 @@ Solved solve_streamed(const StreamedMatrix& matrix, const PatchMesh& mesh, Candi
                             name(*storage)));
   }
   tune_on_first_use(candidates.device(), Storage::dense32, matrix.size(), progress);
-  const Light light = light_of(mesh);
+  const Light light = light_of(mesh, lamps.groups);
   const Place place = [&](std::unique_ptr<Device> device) {
     std::vector<std::unique_ptr<Device>> devices;
     devices.push_back(std::move(device));
-    return std::make_unique<Scheduler>(matrix, std::move(devices), static_cast<std::uint32_t>(channels));
+    return std::make_unique<Scheduler>(matrix, std::move(devices), columns_at_once(light.emittance.size()));
   };
   Columns radiosity;
-  FallbackReport done =
-      solve_on(candidates, place, method, stop, mesh.area, light.reflectance, light.emittance, radiosity, &progress);
+  Bounces bounces;
+  FallbackReport done = solve_on(candidates, place, method, stop, mesh.area, light.reflectance, light.emittance,
+                                 radiosity, &progress, 1.0, [&](Scheduler& scheduler) {
+                                   if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
+                                 });
   StorageUse use{Storage::dense32, matrix.bytes()};
   const PanelStream& stream = matrix.stream();
   use.streamed = {stream.panels().panels(), stream.resident(), stream.use().bytes_read, stream.use().passes,
                   stream.use().seconds_waiting};
-  return solved_of(std::move(done), radiosity, use);
+  Solved solved = solved_of(std::move(done), mesh, lamps, radiosity, use);
+  solved.bounces = std::move(bounces);
+  return solved;
 }
 
-Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop) {
-  const Light light = light_of(mesh);
-  Columns radiosity;
-  Solved solved;
-  solved.report = solve(scheduler, method, stop, mesh.area, light.reflectance, light.emittance, radiosity);
-  solved.radiosity = by_patch(radiosity);
-  solved.devices = scheduler.device_ids();
-  solved.storage.format = scheduler.storage();
-  solved.storage.bytes = scheduler.bytes();
+Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop,
+                    const Lamps& lamps) {
+  const Light light = light_of(mesh, lamps.groups);
+  BatchedSolve batches(method, stop, mesh.area, light.reflectance, light.emittance);
+  batches.run(scheduler);
+  FallbackReport done;
+  done.report = batches.report();
+  done.devices = scheduler.device_ids();
+  StorageUse use;
+  use.format = scheduler.storage();
+  use.bytes = scheduler.bytes();
+  Solved solved = solved_of(std::move(done), mesh, lamps, batches.radiosity(), std::move(use));
+  if (lamps.bounces) solved.bounces = bounces_of(scheduler, light, *lamps.bounces, nullptr);
   return solved;
 }
 

@@ -17,6 +17,7 @@
 #include "interflect/scene/patch_mesh.h"
 #include "interflect/solver/fallback.h"
 #include "interflect/solver/solver.h"
+#include "lights.h"
 
 namespace interflect::cli {
 
@@ -65,12 +66,6 @@ void report_warnings(const AssemblyReport& report, const std::string& name, Prog
 [[nodiscard]] FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& options,
                                            ProgressSink& progress);
 
-/// What a mesh gives the solver: a column per channel.
-struct Light {
-  Columns reflectance, emittance;
-};
-[[nodiscard]] Light light_of(const PatchMesh& mesh);
-
 /// F in a 16-bit format: the tiled ones in patch_order(), sym16 with that block. Throws what PackedMatrix throws.
 [[nodiscard]] PackedMatrix pack(const FormFactorMatrix& matrix, const PatchMesh& mesh, Storage storage,
                                 std::uint32_t block);
@@ -97,27 +92,35 @@ struct StorageUse {
 /// Radiosity and what it took.
 struct Solved {
   std::vector<Rgb> radiosity;
-  SolveReport report;
+  SolveReport report;                ///< with light groups its residuals are the worst group's, per channel
   std::vector<std::string> devices;  ///< that did the work
   std::vector<DeviceFailure> failures;
   double upload_seconds = 0;
   StorageUse storage = {};
   std::uint64_t uploaded_bytes = 0;  ///< of F
+  // As in Solution, and what there is to say of each group.
+  LightGroups lights = {};
+  std::vector<std::vector<Rgb>> lit = {};
+  std::vector<std::vector<std::vector<Rgb>>> bounces = {};
+  std::vector<GroupResidual> groups = {};
 };
-[[nodiscard]] Solved solved_of(FallbackReport done, const Columns& radiosity, StorageUse storage);
+/// Of the columns of all groups.
+[[nodiscard]] Solved solved_of(FallbackReport done, const PatchMesh& mesh, const Lamps& lamps, const Columns& radiosity,
+                               StorageUse storage);
 /// On the first candidate, and on the next ones when it fails, with F in the storage format, or, without one, in that
 /// of choose_storage(). A 16-bit format whose rounding moves a radiosity by more than largest_rounding_error is refused
-/// with a warning, and dense32 takes its place.
+/// with a warning, and dense32 takes its place. All light groups of `lamps` are columns of the same products.
 [[nodiscard]] Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
                                  std::optional<Storage> storage, Method method, const StopTest& stop,
-                                 ProgressSink& progress);
+                                 ProgressSink& progress, const Lamps& lamps = {});
 /// The same with panels that stay in a file. Throws a limit Error for a 16-bit format, which would be packed from the
 /// whole of F.
 [[nodiscard]] Solved solve_streamed(const StreamedMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
                                     std::optional<Storage> storage, Method method, const StopTest& stop,
-                                    ProgressSink& progress);
-/// Where F has been placed already.
-[[nodiscard]] Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop);
+                                    ProgressSink& progress, const Lamps& lamps = {});
+/// Where F has been placed already; columns_at_once(3 * groups) are the columns that a Scheduler needs for one pass.
+[[nodiscard]] Solved solve_placed(Scheduler& scheduler, const PatchMesh& mesh, Method method, const StopTest& stop,
+                                  const Lamps& lamps = {});
 
 /// y = F x in double, wherever F lies: see exact_product().
 using ExactProduct = std::function<void(const Columns& x, std::vector<std::vector<double>>& y)>;

@@ -14,8 +14,6 @@ namespace interflect::cli {
 
 namespace {
 
-constexpr std::uint32_t channels = 3;
-
 /// Whether F is assembled on this device and stays there.
 bool resides(AssemblyPlace place, const DeviceInfo& device, std::uint32_t n) {
   // What has no room is an Error where the device was asked for.
@@ -25,9 +23,9 @@ bool resides(AssemblyPlace place, const DeviceInfo& device, std::uint32_t n) {
 /// Places F on one device after the other, where each assembles it or, once for all, the host has.
 class Placing {
  public:
-  Placing(const MeshedScene& loaded, const SceneOptions& options, AssemblyPlace place, PlacedSolve& out,
-          ProgressSink& progress)
-      : loaded_(loaded), options_(options), place_(place), out_(out), progress_(progress) {}
+  Placing(const MeshedScene& loaded, const SceneOptions& options, AssemblyPlace place, std::uint32_t columns,
+          PlacedSolve& out, ProgressSink& progress)
+      : loaded_(loaded), options_(options), place_(place), columns_(columns), out_(out), progress_(progress) {}
 
   [[nodiscard]] std::unique_ptr<Scheduler> place(std::unique_ptr<Device> device) {
     const auto n = static_cast<std::uint32_t>(loaded_.mesh.size());
@@ -48,7 +46,7 @@ class Placing {
     out_.assembly = {id, out_.assembly.bytes_over_bus};
     storage_ = {Storage::dense32, factors.matrix().bytes(), factors.nonzero_fraction()};
     report_warnings(out_.factors.report, loaded_.scene.file, progress_);
-    return std::make_unique<Scheduler>(std::move(factors), channels);
+    return std::make_unique<Scheduler>(std::move(factors), columns_);
   }
   std::unique_ptr<Scheduler> on_host(std::unique_ptr<Device> device) {
     if (out_.factors.matrix.size() == 0) {
@@ -60,7 +58,7 @@ class Placing {
     }
     std::vector<std::unique_ptr<Device>> devices;
     devices.push_back(std::move(device));
-    auto scheduler = std::make_unique<Scheduler>(out_.factors.matrix, std::move(devices), channels);
+    auto scheduler = std::make_unique<Scheduler>(out_.factors.matrix, std::move(devices), columns_);
     out_.assembly.bytes_over_bus += scheduler->uploaded_bytes();
     return scheduler;
   }
@@ -68,6 +66,7 @@ class Placing {
   const MeshedScene& loaded_;
   const SceneOptions& options_;
   AssemblyPlace place_;
+  std::uint32_t columns_;
   PlacedSolve& out_;
   ProgressSink& progress_;
   double seconds_ = 0;
@@ -76,28 +75,43 @@ class Placing {
 
 void solve_where_assembled(const MeshedScene& loaded, const SceneOptions& options, AssemblyPlace place,
                            Candidates& candidates, Method method, const StopTest& stop, ProgressSink& progress,
-                           PlacedSolve& out) {
+                           const Lamps& lamps, PlacedSolve& out) {
   const PatchMesh& mesh = loaded.mesh;
   tune_on_first_use(candidates.device(), Storage::dense32, static_cast<std::uint32_t>(mesh.size()), progress);
-  Placing placing(loaded, options, place, out, progress);
-  const Light light = light_of(mesh);
+  const Light light = light_of(mesh, lamps.groups);
+  Placing placing(loaded, options, place, columns_at_once(light.emittance.size()), out, progress);
   Columns radiosity;
   std::vector<std::vector<double>> received;  // F b, as long as F is there
+  std::vector<std::vector<std::vector<Rgb>>> bounces;
+  const auto after = [&](Scheduler& scheduler) {
+    if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
+    const Columns sum = sum_of_groups(radiosity);
+    scheduler.use_columns(static_cast<std::uint32_t>(sum.size()));
+    scheduler.exact_product(sum, received);
+  };
   FallbackReport done = solve_on(
       candidates, [&](std::unique_ptr<Device> device) { return placing.place(std::move(device)); }, method, stop,
-      mesh.area, light.reflectance, light.emittance, radiosity, &progress, 1.0,
-      [&](Scheduler& scheduler) { scheduler.exact_product(radiosity, received); });
+      mesh.area, light.reflectance, light.emittance, radiosity, &progress, 1.0, after);
   done.upload_seconds = std::max(0.0, done.upload_seconds - placing.seconds());
-  out.solved = solved_of(std::move(done), radiosity, placing.storage());
+  out.solved = solved_of(std::move(done), mesh, lamps, radiosity, placing.storage());
+  out.solved.bounces = std::move(bounces);
   out.energy = energy_balance([&](const Columns&, auto& y) { y = received; }, mesh, out.solved.radiosity,
                               out.factors.report.row_sum);
 }
 
 }  // namespace
 
+Solution solution_of(const MeshedScene& loaded, const PlacedSolve& placed) {
+  Solution solution{&loaded.mesh, loaded.grouping, placed.solved.radiosity, placed.factors.report.row_sum};
+  solution.lights = placed.solved.lights;
+  solution.lit = placed.solved.lit;
+  solution.bounces = placed.solved.bounces;
+  return solution;
+}
+
 PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& options, Assembler& assembler,
                                std::optional<Storage> storage, Method method, const StopTest& stop,
-                               ProgressSink& progress) {
+                               ProgressSink& progress, const Lamps& lamps) {
   PlacedSolve out;
   const PatchMesh& mesh = loaded.mesh;
   const auto n = static_cast<std::uint32_t>(mesh.size());
@@ -108,7 +122,7 @@ PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& op
                          ? *storage == Storage::dense32
                          : place == AssemblyPlace::device || choose_storage(n, candidates.info()) == Storage::dense32;
   if (dense && resides(place, candidates.info(), n)) {
-    solve_where_assembled(loaded, options, place, candidates, method, stop, progress, out);
+    solve_where_assembled(loaded, options, place, candidates, method, stop, progress, lamps, out);
     return out;
   }
   out.factors = assemble_in_memory(loaded, options, "--form-factors FILE.iff", assembler, progress);
@@ -116,7 +130,7 @@ PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& op
   if (out.assembly.bytes_over_bus > 0) {
     progress.message(fmt::format("the form factors came from {} to be stored on the host", out.assembly.device));
   }
-  out.solved = solve_scene(out.factors.matrix, mesh, candidates, storage, method, stop, progress);
+  out.solved = solve_scene(out.factors.matrix, mesh, candidates, storage, method, stop, progress, lamps);
   out.assembly.bytes_over_bus += out.solved.uploaded_bytes;
   const auto product = [&](const Columns& x, auto& y) { exact_product(out.factors.matrix, x, y); };
   out.energy = energy_balance(product, mesh, out.solved.radiosity, out.factors.report.row_sum);
@@ -125,7 +139,7 @@ PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& op
 
 PlacedSolve solve_kept(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                        Assembler& assembler, std::optional<Storage> storage, Method method, const StopTest& stop,
-                       ProgressSink& progress) {
+                       ProgressSink& progress, const Lamps& lamps) {
   KeptFormFactors kept = form_factors_for_solve(file, loaded, options, assembler, progress);
   PlacedSolve out;
   out.assembly = assembler.use();
@@ -137,8 +151,8 @@ PlacedSolve solve_kept(const std::string& file, const MeshedScene& loaded, const
   }
   Candidates& candidates = assembler.candidates();
   const FormFactorMatrix& matrix = out.factors.matrix;
-  out.solved = streamed ? solve_streamed(*streamed, loaded.mesh, candidates, storage, method, stop, progress)
-                        : solve_scene(matrix, loaded.mesh, candidates, storage, method, stop, progress);
+  out.solved = streamed ? solve_streamed(*streamed, loaded.mesh, candidates, storage, method, stop, progress, lamps)
+                        : solve_scene(matrix, loaded.mesh, candidates, storage, method, stop, progress, lamps);
   if (streamed) out.solved.storage.nonzero_fraction = kept.panels->nonzero_fraction();
   out.assembly.bytes_over_bus += out.solved.uploaded_bytes;
   const ExactProduct exact = [&](const Columns& x, std::vector<std::vector<double>>& y) {

@@ -18,16 +18,19 @@ struct PlacedSolve {
   AssemblyUse assembly;
   Kept kept = {};
 };
+/// What there is to write of it. The mesh is that of `loaded`, which must outlive the solution.
+[[nodiscard]] Solution solution_of(const MeshedScene& loaded, const PlacedSolve& placed);
 /// Assembles F and solves. In dense32 on a device that assembles, F stays there; a device that fails is followed by the
 /// next candidate, which assembles F again in its own way and goes on from the last good iterate. A 16-bit format is
-/// packed on the host: S then comes down from the device that made it. Warnings go to the progress sink.
+/// packed on the host: S then comes down from the device that made it. Warnings go to the progress sink. With light
+/// groups in `lamps` all of them are columns of the same products, and Solved has their light one by one.
 [[nodiscard]] PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& options,
                                              Assembler& assembler, std::optional<Storage> storage, Method method,
-                                             const StopTest& stop, ProgressSink& progress);
+                                             const StopTest& stop, ProgressSink& progress, const Lamps& lamps = {});
 
 /// The same with form factors that are kept in a file: form_factors_for_solve(). What exceeds the memory stays there.
 [[nodiscard]] PlacedSolve solve_kept(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                                      Assembler& assembler, std::optional<Storage> storage, Method method,
-                                     const StopTest& stop, ProgressSink& progress);
+                                     const StopTest& stop, ProgressSink& progress, const Lamps& lamps = {});
 
 }  // namespace interflect::cli

@@ -77,7 +77,7 @@ std::unique_ptr<Lit> look_into(const Options& options, Console& console) {
   lit.inputs = lit.loaded.scene.files;
   const PlacedSolve placed = solve_loaded(lit.loaded, scene, options.solving, candidates, console);
   lit.solved = placed.solved.report;
-  lit.solution = {&lit.loaded.mesh, lit.loaded.grouping, placed.solved.radiosity, placed.factors.report.row_sum};
+  lit.solution = solution_of(lit.loaded, placed);
   lit.renderer = std::make_unique<Renderer>(lit.solution);
   return held;
 }

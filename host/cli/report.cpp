@@ -47,6 +47,27 @@ ordered_json set_aside_by_object(const AssemblyReport& report,
   return out;
 }
 
+/// null where lamps were not told apart.
+ordered_json light_groups_json(const std::vector<GroupResidual>& groups) {
+  ordered_json out = nullptr;
+  for (const GroupResidual& group : groups) {
+    out.push_back({{"name", group.name},
+                   {"patches", group.patches},
+                   {"emitted", group.emitted},
+                   {"relative_residual", group.relative_residual}});
+  }
+  return out;
+}
+
+std::string light_groups_text(const std::vector<GroupResidual>& groups) {
+  std::string out;
+  for (const GroupResidual& group : groups) {
+    out += fmt::format("{:<14} {}: {} patches, emitted {:.6g}, residual {:.2e}\n", out.empty() ? "light groups" : "",
+                       group.name, group.patches, sum(group.emitted), fmt::join(group.relative_residual, " "));
+  }
+  return out;
+}
+
 }  // namespace
 
 ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded) {
@@ -115,6 +136,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["iterations"] = report.iterations;
   out["products"] = report.products;
   out["relative_residual"] = report.relative_residual;
+  out["light_groups"] = light_groups_json(summary.solved->groups);
   out["devices"] = summary.solved->devices;
   out["failures"] = ordered_json::array();
   for (const DeviceFailure& failure : summary.solved->failures) {
@@ -217,7 +239,9 @@ std::string to_text(const SolveSummary& summary) {
     out += fmt::format("kernels        {} compiled, {} from the cache, {:.2f} s\n", kernels.compiled,
                        kernels.from_cache, kernels.seconds);
   }
-  out += fmt::format("residual       {:.2e} (relative, per channel)\n", fmt::join(report.relative_residual, " "));
+  out += fmt::format("residual       {:.2e} (relative, per channel{})\n", fmt::join(report.relative_residual, " "),
+                     summary.solved->groups.empty() ? "" : ", of the worst light group");
+  out += light_groups_text(summary.solved->groups);
   out += fmt::format(
       "sampling       row sums {:.1e} rms, {:.1e} at most; a radiosity {:.1e} rms, {:.1e} of the largest\n",
       summary.row_error.rms, summary.row_error.max, summary.radiosity_error.rms, summary.radiosity_error.max);

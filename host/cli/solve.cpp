@@ -10,14 +10,13 @@
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
 #include "interflect/base/timer.h"
-#include "interflect/device/registry.h"
-#include "interflect/schedule/storage_choice.h"
 #include "kept.h"
 #include "outputs.h"
 #include "picture_options.h"
 #include "pipeline.h"
 #include "place.h"
 #include "report.h"
+#include "solving_options.h"
 #include "validators.h"
 
 namespace interflect::cli {
@@ -28,18 +27,10 @@ struct Options {
   SceneOptions scene;
   std::vector<std::string> outputs;
   std::string report;
-  std::string form_factors;
-  std::string device = "auto";
-  std::string method = "cg";
-  std::string storage = "auto";
-  std::string assembly = "auto";
-  StopTest stop;
+  SolvingOptions solving;
+  std::string light_groups = "none";
   PictureText picture;
 };
-
-Method method_of(const std::string& text) {
-  return text == "cg" ? Method::cg : text == "bicgstab" ? Method::bicgstab : Method::jacobi;
-}
 
 constexpr std::array extensions{".png", ".exr", ".ply", ".glb", ".csv", ".npy", ".json"};
 
@@ -60,7 +51,7 @@ void check_outputs(const Options& options) {
   }
   // A file of form factors is read where it is there.
   std::error_code missing;
-  const std::string& kept = options.form_factors;
+  const std::string& kept = options.solving.form_factors;
   if (!kept.empty() && !std::filesystem::exists(kept, missing)) files.push_back(kept);
   check_files(files, options.scene.file);
   for (const std::string& file : options.outputs) {
@@ -73,7 +64,7 @@ void check_outputs(const Options& options) {
 void check_inputs_stay(const Options& options, const Scene& scene) {
   std::vector<std::string> outputs = options.outputs;
   if (!options.report.empty()) outputs.push_back(options.report);
-  if (!options.form_factors.empty()) outputs.push_back(options.form_factors);
+  if (!options.solving.form_factors.empty()) outputs.push_back(options.solving.form_factors);
   for (const std::string& output : outputs) {
     for (const std::filesystem::path& input : scene.files) {
       if (!same_file(output, input.string())) continue;
@@ -82,9 +73,9 @@ void check_inputs_stay(const Options& options, const Scene& scene) {
   }
 }
 
-void write_outputs(const Options& options, const SolveSummary& summary, ProgressSink& progress) {
-  const MeshedScene& loaded = *summary.loaded;
-  Solution solution{&loaded.mesh, loaded.grouping, summary.solved->radiosity, summary.assembled->row_sum};
+void write_outputs(const Options& options, const MeshedScene& loaded, const PlacedSolve& placed,
+                   ProgressSink& progress) {
+  const Solution solution = solution_of(loaded, placed);
   const PictureOptions picture = picture_options(options.picture, loaded.scene.camera);
   std::optional<Picture> rendered;  // one for .png and .exr together
   if (std::any_of(options.outputs.begin(), options.outputs.end(), is_picture)) {
@@ -115,30 +106,25 @@ int run(const Options& options) {
   Console console(voice_of(options.scene));
   check_outputs(options);
   check_picture(options.picture, std::any_of(options.outputs.begin(), options.outputs.end(), is_picture));
-  Candidates candidates(
-      choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &console);
+  Candidates candidates = candidates_of(options.solving, console);
   candidates.open();  // a device that is not there is found before the work, too
 
-  const SceneOptions as_kept = with_the_files_divide(options.scene, options.form_factors);
+  const SceneOptions as_kept = with_the_files_divide(options.scene, options.solving.form_factors);
   const MeshedScene loaded = load(as_kept, console);
   check_inputs_stay(options, loaded.scene);
-  const Method method = method_of(options.method);
-  Assembler assembler(candidates, assembly_place(options.assembly));
-  const PlacedSolve placed = options.form_factors.empty()
-                                 ? assemble_and_solve(loaded, options.scene, assembler, storage_of(options.storage),
-                                                      method, options.stop, console)
-                                 : solve_kept(options.form_factors, loaded, as_kept, assembler,
-                                              storage_of(options.storage), method, options.stop, console);
+  const Lamps lamps{light_groups(loaded.scene, loaded.mesh, options.light_groups)};
+  const PlacedSolve placed = solve_loaded(loaded, as_kept, options.solving, candidates, console, lamps);
   const Solved& solved = placed.solved;
   const AssemblyReport& assembled = placed.factors.report;
 
-  SolveSummary summary{&loaded, &assembled, &solved, method, options.stop, placed.energy, placed.assembly};
+  SolveSummary summary{&loaded,       &assembled,     &solved, options.solving.chosen_method(), options.solving.stop,
+                       placed.energy, placed.assembly};
   summary.kept = placed.kept;
   summary.row_error = row_sum_error(assembled.tile_variance, loaded.mesh.area);
   summary.radiosity_error =
       radiosity_error(assembled.tile_variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
   const Timer writing;
-  write_outputs(options, summary, console);
+  write_outputs(options, loaded, placed, console);
   summary.write_seconds = writing.seconds();
   summary.total_seconds = total.seconds();
   for (const std::string& file : options.outputs) {
@@ -158,7 +144,7 @@ int run(const Options& options) {
                   : "the solve was done, and what was asked for is written");
     return exit_status(ErrorKind::interrupted);
   }
-  if (solved.report.converged || options.stop.iterations) return 0;
+  if (solved.report.converged || options.solving.stop.iterations) return 0;
   say_error(ErrorKind::not_converged, solved.report.reason);
   return exit_status(ErrorKind::not_converged);
 }
@@ -175,32 +161,8 @@ void add_solve(CLI::App& program, Action& action) {
       ->type_size(1)
       ->allow_extra_args(false);
   command.add_option("--report", options->report, "the report as JSON")->check(file_name());
-  command
-      .add_option("--form-factors", options->form_factors,
-                  "keep the form factors in this file (.iff), and take them from it when it fits the scene")
-      ->check(file_name());
-  command
-      .add_option("--device", options->device,
-                  "device id, see 'interflect devices'; several, as cuda:0,openmp, are tried in this order when one "
-                  "fails")
-      ->capture_default_str();
-  command.add_option("--method", options->method, "cg, bicgstab or jacobi")
-      ->check(CLI::IsMember({"cg", "bicgstab", "jacobi"}))
-      ->capture_default_str();
-  command.add_option("--tol", options->stop.tolerance, "relative residual to reach in every channel")
-      ->check(number(0.0, 1.0))
-      ->capture_default_str();
-  auto* most = command.add_option("--max-iterations", options->stop.max_iterations, "give up after so many")
-                   ->check(count(10'000'000))
-                   ->capture_default_str();
-  command.add_option("--iterations", options->stop.iterations, "exactly so many iterations, whatever the residual")
-      ->check(count(10'000'000))
-      ->excludes(most);
-  command
-      .add_option("--storage", options->storage, "storage of the form factors: auto, dense32, dense16, tiled16, sym16")
-      ->check(CLI::IsMember({"auto", "dense32", "dense16", "tiled16", "sym16"}))
-      ->capture_default_str();
-  add_assembly_option(command, options->assembly);
+  add_solving_options(command, options->solving);
+  add_light_groups_option(command, options->light_groups);
   add_picture_options(command, options->picture);
   command.callback([options, &action] { action = [options] { return run(*options); }; });
 }

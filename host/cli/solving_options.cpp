@@ -45,13 +45,14 @@ Candidates candidates_of(const SolvingOptions& options, ProgressSink& progress) 
 }
 
 PlacedSolve solve_loaded(const MeshedScene& loaded, const SceneOptions& scene, const SolvingOptions& options,
-                         Candidates& candidates, ProgressSink& progress) {
+                         Candidates& candidates, ProgressSink& progress, const Lamps& lamps) {
   Assembler assembler(candidates, assembly_place(options.assembly));
   const auto storage = storage_of(options.storage);
   const Method method = options.chosen_method();
   return options.form_factors.empty()
-             ? assemble_and_solve(loaded, scene, assembler, storage, method, options.stop, progress)
-             : solve_kept(options.form_factors, loaded, scene, assembler, storage, method, options.stop, progress);
+             ? assemble_and_solve(loaded, scene, assembler, storage, method, options.stop, progress, lamps)
+             : solve_kept(options.form_factors, loaded, scene, assembler, storage, method, options.stop, progress,
+                          lamps);
 }
 
 }  // namespace interflect::cli

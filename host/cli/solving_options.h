@@ -28,6 +28,7 @@ void add_solving_options(CLI::App& command, SolvingOptions& options);
 
 /// Assembles (or takes the file's form factors) and solves. `scene` is with_the_files_divide().
 [[nodiscard]] PlacedSolve solve_loaded(const MeshedScene& loaded, const SceneOptions& scene,
-                                       const SolvingOptions& options, Candidates& candidates, ProgressSink& progress);
+                                       const SolvingOptions& options, Candidates& candidates, ProgressSink& progress,
+                                       const Lamps& lamps = {});
 
 }  // namespace interflect::cli

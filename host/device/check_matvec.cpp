@@ -19,7 +19,7 @@ namespace check {
 
 namespace {
 
-constexpr std::uint32_t most_columns = 24;
+constexpr std::uint32_t most_columns = 24;  // of columns.h, a floor above
 
 /// A matrix of n columns with its vectors and the exact products, shared by all cases of that size.
 struct Problem {
@@ -131,6 +131,13 @@ void check_matvec(Device& device, std::vector<KernelCheck>& rows, const Selectio
       if (wanted(columns)) add(device, rows, selection, problem, columns, n);
     }
     if (wanted(3)) add(device, rows, selection, problem, 3, 501);
+  }
+  // Eight light groups: past a block of a row and past the columns in registers at once.
+  for (const std::uint32_t n : {1025U, 5791U}) {
+    if (n > selection.max_size || !wanted(most_columns)) continue;
+    const Problem problem(n, most_columns, 37);
+    add(device, rows, selection, problem, most_columns, 37);
+    add(device, rows, selection, problem, most_columns, 16);
   }
   // Long rows, few of them: past the blocks and segments into which a kernel cuts a row.
   for (const std::uint32_t n : {5791U, 17128U}) {

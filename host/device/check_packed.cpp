@@ -301,7 +301,7 @@ void add_tiles(Cases& cases) {
   constexpr std::uint32_t fill = 3;
   for (const std::uint32_t n : {1U, 7U, 8U, 9U, 15U, 16U, 17U, 31U, 33U, 64U, 65U, 255U, 257U, 1025U, 1312U}) {
     for (const std::uint32_t columns : {1U, 3U, 4U, 5U, 7U, most_columns}) {
-      if (n > 257 && columns != 3 && columns != 7) continue;
+      if (n > 257 && columns != 3 && columns != 7 && n != 1025) continue;
       cases.tiles({.n = n, .columns = columns, .first = 0, .rows = n, .fill = 1});
       cases.tiles({.n = n, .columns = columns, .first = 0, .rows = n, .fill = fill});
     }
@@ -316,6 +316,7 @@ void add_tiles(Cases& cases) {
   for (const std::uint32_t n : {5791U, 17128U, 40000U}) {
     cases.tiles({.n = n, .columns = 3, .first = 0, .rows = 24, .fill = 1});
     cases.tiles({.n = n, .columns = 7, .first = 8, .rows = 8, .fill = fill});
+    if (n == 5791) cases.tiles({.n = n, .columns = most_columns, .first = 8, .rows = 40, .fill = fill});
   }
 }
 
@@ -331,6 +332,7 @@ void check_packed(Device& device, std::vector<KernelCheck>& rows, const Selectio
     }
     if (n <= 129) cases.symmetric({.n = n, .columns = 3, .block = 16, .fill = 2, .skip = 3});
     cases.symmetric({.n = n, .columns = 3, .block = 256, .fill = 3});
+    if (n == 129 || n == 513) cases.symmetric({.n = n, .columns = most_columns, .block = 128, .fill = 4, .skip = 2});
   }
   for (const std::uint32_t columns : {3U, 4U, most_columns}) {
     cases.symmetric({.n = 1500, .columns = columns, .block = 1024, .fill = 5});

@@ -22,6 +22,8 @@ namespace check {
 
 namespace {
 
+constexpr std::uint32_t most_columns = 24;
+
 /// Panels of `panel_rows` of `rows` rows of n columns; rows, d and x end in sentinels.
 struct Case {
   std::uint32_t n = 0, rows = 0, panel_rows = 0, columns = 1;
@@ -177,8 +179,9 @@ void check_resident(Device& device, std::vector<KernelCheck>& rows, const Select
     const std::uint32_t count = std::min(n, 13U);  // rows
     for (const std::uint32_t panel_rows : {1U, 5U, count}) {
       if (panel_rows > count) continue;
-      for (const std::uint32_t columns : {1U, 3U, 7U}) {
-        if (columns == 7 && panel_rows != count) continue;
+      for (const std::uint32_t columns : {1U, 3U, 7U, most_columns}) {
+        if (columns > 3 && panel_rows != count) continue;
+        if (columns == most_columns && n != 129 && n != 1025) continue;
         add(device, rows, selection, "matvec_exact", {n, count, panel_rows, columns});
       }
       Selection closing = selection;

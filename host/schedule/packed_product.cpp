@@ -20,7 +20,7 @@ namespace {
 class PackedProduct : public Product {
  public:
   [[nodiscard]] std::uint64_t needed_bytes() const override {
-    std::uint64_t needed = std::uint64_t{shape_.vector_stride} * sizeof(float) * (2 + shape_.columns);
+    std::uint64_t needed = std::uint64_t{shape_.vector_stride} * sizeof(float) * (2 + most_columns_);
     for (const Panel& panel : panels_) {
       needed +=
           panel.from.index.size() * sizeof(std::uint32_t) + (panel.tiles == nullptr ? panel.from.elements.size() : 0);
@@ -29,7 +29,8 @@ class PackedProduct : public Product {
   }
   void place() override {
     scale_ = compiled("scale", {});
-    compile();
+    use(shape_, groups_);
+    make_room();
     for (Panel& panel : panels_) {
       if (panel.tiles == nullptr) {
         panel.tiles = panel.from.elements.empty() ? device_.allocate(sizeof(float)) : uploaded(panel.from.elements);
@@ -42,7 +43,7 @@ class PackedProduct : public Product {
     in_ = uploaded(std::as_bytes(form_factors_.scale_in()));
     out_ = uploaded(std::as_bytes(form_factors_.scale_out()));
     uploaded_bytes_ += in_->size() + out_->size();
-    scaled_ = device_.allocate(std::size_t{shape_.columns} * shape_.vector_stride * sizeof(float));
+    scaled_ = device_.allocate(std::size_t{most_columns_} * shape_.vector_stride * sizeof(float));
   }
   void apply(Buffer& x, Buffer& y) override {
     const std::array buffers{&x, in_.get(), scaled_.get()};
@@ -85,7 +86,8 @@ class PackedProduct : public Product {
     }
   }
 
-  virtual void compile() = 0;
+  /// Allocates and compiles what the format needs beside its product.
+  virtual void make_room() {}
   virtual void multiply(Buffer& y) = 0;
 
   const PackedMatrix& form_factors_;
@@ -105,7 +107,9 @@ class TiledProduct final : public PackedProduct {
                Macros macros)
       : PackedProduct(form_factors, device, shape, groups, static_cast<std::uint64_t>(macros.at("STRIPS"))),
         macros_(std::move(macros)) {}
-  void compile() override { kernel_ = compiled("tiles16", macros_); }
+  [[nodiscard]] std::unique_ptr<Kernel> compile_multiply() override {
+    return compiled("tiles16", with_columns(macros_));
+  }
   void multiply(Buffer& y) override {
     const auto strips = static_cast<std::uint32_t>(macros_.at("STRIPS"));
     for (const Panel& panel : panels_) {
@@ -115,12 +119,11 @@ class TiledProduct final : public PackedProduct {
                                     .tiles = panel.from.tiles,
                                     .vector_stride = shape_.vector_stride};
       const std::array buffers{panel.tiles.get(), panel.index.get(), scaled_.get(), out_.get(), &y};
-      launch(*kernel_, (arguments.strips + strips - 1) / strips, buffers, arguments, "y = F x");
+      launch(multiply_kernel(), (arguments.strips + strips - 1) / strips, buffers, arguments, "y = F x");
     }
   }
 
   Macros macros_;
-  std::unique_ptr<Kernel> kernel_;
 };
 
 /// sym16: a launch of sym16 for each panel, whose blocks write slots of their own, then sym16_fold.
@@ -142,13 +145,15 @@ class SymmetricProduct final : public PackedProduct {
 
  private:
   [[nodiscard]] std::uint64_t partial_bytes() const {
-    return std::uint64_t{form_factors_.block_rows()} * form_factors_.block_rows() * shape_.columns *
+    return std::uint64_t{form_factors_.block_rows()} * form_factors_.block_rows() * most_columns_ *
            form_factors_.block() * sizeof(float);
   }
-  void compile() override {
+  [[nodiscard]] std::unique_ptr<Kernel> compile_multiply() override {
     Macros macros = launch_macros(device_.info(), "sym16", shape_.columns);
     macros.insert_or_assign("BLOCK", static_cast<int>(form_factors_.block()));  // the matrix has been cut by it
-    kernel_ = compiled("sym16", macros);
+    return compiled("sym16", macros);
+  }
+  void make_room() override {
     fold_ = compiled("sym16_fold", {});
     partial_ = device_.allocate(partial_bytes());
   }
@@ -160,7 +165,7 @@ class SymmetricProduct final : public PackedProduct {
                                          .block_rows = form_factors_.block_rows(),
                                          .vector_stride = shape_.vector_stride};
       const std::array buffers{panel.tiles.get(), panel.index.get(), scaled_.get(), partial_.get()};
-      launch(*kernel_, arguments.blocks, buffers, arguments, "Blocks of F x");
+      launch(multiply_kernel(), arguments.blocks, buffers, arguments, "Blocks of F x");
     }
     VectorArguments arguments = shape_;
     arguments.option = form_factors_.block();
@@ -169,7 +174,7 @@ class SymmetricProduct final : public PackedProduct {
     launch(*fold_, groups_, buffers, arguments, "y = F x");
   }
 
-  std::unique_ptr<Kernel> kernel_, fold_;
+  std::unique_ptr<Kernel> fold_;
   std::unique_ptr<Buffer> partial_;
 };
 

@@ -31,7 +31,7 @@ class DenseProduct final : public Product {
     return needed;
   }
   void place() override {
-    matvec_ = compiled("matvec", macros_);
+    use(shape_, groups_);
     for (Panel& panel : panels_) {
       if (panel.buffer != nullptr) continue;
       const std::size_t bytes = panel.rows * row_bytes();
@@ -47,7 +47,7 @@ class DenseProduct final : public Product {
                                       .row_stride = form_factors_.stride(),
                                       .vector_stride = shape_.vector_stride};
       const std::array buffers{panel.buffer.get(), &x, &y};
-      launch(*matvec_, (panel.rows + group_ - 1) / group_, buffers, arguments, "y = F x");
+      launch(multiply_kernel(), (panel.rows + group_ - 1) / group_, buffers, arguments, "y = F x");
     }
   }
   [[nodiscard]] std::vector<Buffer*> panel_buffers() const override {
@@ -62,6 +62,10 @@ class DenseProduct final : public Product {
   }
 
  private:
+  [[nodiscard]] std::unique_ptr<Kernel> compile_multiply() override {
+    return compiled("matvec", with_columns(macros_));  // the same rows for a group, by which the panels are cut
+  }
+
   struct Panel {
     std::uint32_t first = 0, rows = 0;
     const std::byte* data = nullptr;  ///< on the host
@@ -88,7 +92,6 @@ class DenseProduct final : public Product {
   const FormFactorMatrix& form_factors_;
   Macros macros_;
   std::uint32_t group_;  ///< rows of a work-group
-  std::unique_ptr<Kernel> matvec_;
   std::vector<Panel> panels_;
 };
 

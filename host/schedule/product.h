@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <span>
 #include <string_view>
@@ -29,6 +30,14 @@ class Product {
   [[nodiscard]] virtual std::uint64_t needed_bytes() const = 0;
   /// Compiles the kernels, allocates and uploads. Throws device Errors.
   virtual void place() = 0;
+  /// From now on vectors have that shape: no more columns than at first. Compiles what is compiled for a number of
+  /// columns, once for each. Throws device Errors.
+  void use(const VectorArguments& shape, std::uint32_t groups) {
+    shape_ = shape;
+    groups_ = groups;
+    std::unique_ptr<Kernel>& kernel = multiply_[shape.columns];
+    if (kernel == nullptr) kernel = compile_multiply();
+  }
   /// Enqueues y = F x over vectors of the Scheduler's shape, by place (order()).
   virtual void apply(Buffer& x, Buffer& y) = 0;
   /// The elements of F on the device.
@@ -47,7 +56,16 @@ class Product {
  protected:
   /// `shape` has n, vector_stride, columns and blocks of the vectors, and the launch shape of vector kernels.
   Product(Device& device, const VectorArguments& shape, std::uint32_t groups)
-      : device_(device), shape_(shape), groups_(groups) {}
+      : device_(device), shape_(shape), groups_(groups), most_columns_(shape.columns) {}
+
+  /// The kernel that multiplies so many columns(): a kernel of its own for each number.
+  [[nodiscard]] virtual std::unique_ptr<Kernel> compile_multiply() = 0;
+  [[nodiscard]] const Kernel& multiply_kernel() const { return *multiply_.at(shape_.columns); }
+  /// The macros with the number of columns() in use.
+  [[nodiscard]] Macros with_columns(Macros macros) const {
+    macros.insert_or_assign("COLUMNS", columns());
+    return macros;
+  }
 
   [[nodiscard]] std::unique_ptr<Kernel> compiled(std::string_view name, const Macros& macros) {
     const Timer timer;
@@ -70,8 +88,12 @@ class Product {
   Device& device_;
   VectorArguments shape_;
   std::uint32_t groups_;
+  std::uint32_t most_columns_;  ///< those for which it was placed
   std::uint64_t uploaded_bytes_ = 0;
   double compile_seconds_ = 0;
+
+ private:
+  std::map<std::uint32_t, std::unique_ptr<Kernel>> multiply_;  ///< by the number of columns
 };
 
 /// The most rows of a panel of n columns that a launch of matvec takes on the device, by its largest buffer and its

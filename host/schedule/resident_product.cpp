@@ -1,5 +1,5 @@
 #include <array>
-#include <optional>
+#include <map>
 #include <utility>
 
 #include "interflect/device/tuning.h"
@@ -20,11 +20,9 @@ class ResidentProduct final : public Product {
     return DeviceExactProduct::bytes(matrix_.stride(), shape_.columns);
   }
   void place() override {
-    const Macros macros = launch_macros(device_.info(), "matvec", shape_.columns);
-    group_ = static_cast<std::uint32_t>(macros.at("ROWS"));
-    matvec_ = compiled("matvec", macros);
-    exact_.emplace(device_, matrix_, shape_.columns,
-                   [this](std::string_view name, const Macros& with) { return compiled(name, with); });
+    macros_ = launch_macros(device_.info(), "matvec", shape_.columns);
+    group_ = static_cast<std::uint32_t>(macros_.at("ROWS"));
+    use(shape_, groups_);
   }
   void apply(Buffer& x, Buffer& y) override {
     for (const DeviceMatrix::Panel& panel : matrix_.panels()) {
@@ -34,7 +32,7 @@ class ResidentProduct final : public Product {
                                       .row_stride = matrix_.stride(),
                                       .vector_stride = shape_.vector_stride};
       const std::array buffers{panel.buffer.get(), &x, &y};
-      launch(*matvec_, (panel.rows + group_ - 1) / group_, buffers, arguments, "y = F x");
+      launch(multiply_kernel(), (panel.rows + group_ - 1) / group_, buffers, arguments, "y = F x");
     }
   }
   [[nodiscard]] std::vector<Buffer*> panel_buffers() const override {
@@ -44,13 +42,21 @@ class ResidentProduct final : public Product {
   }
   [[nodiscard]] Storage storage() const override { return Storage::dense32; }
   [[nodiscard]] std::uint64_t bytes() const override { return matrix_.bytes(); }
-  void exact(const Columns& x, std::vector<std::vector<double>>& y) const override { exact_->apply(x, y); }
+  void exact(const Columns& x, std::vector<std::vector<double>>& y) const override {
+    exact_.at(shape_.columns).apply(x, y);
+  }
 
  private:
+  [[nodiscard]] std::unique_ptr<Kernel> compile_multiply() override {
+    exact_.try_emplace(shape_.columns, device_, matrix_, shape_.columns,
+                       [this](std::string_view name, const Macros& with) { return compiled(name, with); });
+    return compiled("matvec", with_columns(macros_));
+  }
+
   DeviceMatrix matrix_;
   std::uint32_t group_ = 1;  ///< rows of a work-group
-  std::unique_ptr<Kernel> matvec_;
-  mutable std::optional<DeviceExactProduct> exact_;  ///< its vectors are only a place to work in
+  Macros macros_;
+  mutable std::map<std::uint32_t, DeviceExactProduct> exact_;  ///< by the columns; its vectors are a place to work in
 };
 
 }  // namespace

@@ -43,11 +43,17 @@ Scheduler::Scheduler(std::vector<std::unique_ptr<Device>> devices, std::uint32_t
                 fmt::format("{} devices given: a solve runs on exactly one device so far", devices_.size()));
   }
   device_ = devices_.front().get();
-  const DeviceInfo& info = device_->info();
   arguments_.n = size;
   arguments_.vector_stride = rounded_up(size, padding) * padding;
-  arguments_.columns = columns;
   arguments_.blocks = rounded_up(size, reduction_block);
+  most_columns_ = columns;
+  shape(columns);
+}
+
+/// How launches of the vector kernels lie over so many columns.
+void Scheduler::shape(std::uint32_t columns) {
+  const DeviceInfo& info = device_->info();
+  arguments_.columns = columns;
   const std::uint32_t items = columns * arguments_.blocks;
   arguments_.blocks_per_group = std::max(info.blocks_per_group, rounded_up(items, info.max_groups));
   groups_ = rounded_up(items, arguments_.blocks_per_group);
@@ -96,7 +102,19 @@ Scheduler::~Scheduler() = default;
 void Scheduler::place() {
   check_memory();
   product_->place();
-  compile_seconds_ += product_->compile_seconds();
+}
+
+double Scheduler::compile_seconds() const {
+  return compile_seconds_ + product_->compile_seconds();
+}
+
+void Scheduler::use_columns(std::uint32_t columns) {
+  if (columns == 0 || columns > most_columns_) {
+    throw Error(ErrorKind::internal, fmt::format("{} columns: 1 to {} were placed", columns, most_columns_));
+  }
+  if (columns == arguments_.columns) return;
+  shape(columns);
+  product_->use(arguments_, groups_);
 }
 
 void Scheduler::check_memory() const {

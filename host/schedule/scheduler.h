@@ -72,6 +72,7 @@ class Scheduler {
 
   [[nodiscard]] std::uint32_t size() const { return arguments_.n; }                ///< N, patches
   [[nodiscard]] std::uint32_t columns() const { return arguments_.columns; }       ///< C
+  [[nodiscard]] std::uint32_t most_columns() const { return most_columns_; }       ///< the C it was made with
   [[nodiscard]] std::uint32_t stride() const { return arguments_.vector_stride; }  ///< of a Vector's columns, in floats
   [[nodiscard]] std::uint32_t blocks() const { return arguments_.blocks; }         ///< partial sums per column
   [[nodiscard]] Storage storage() const;                                           ///< how F is stored
@@ -85,6 +86,11 @@ class Scheduler {
   /// Applications of F so far: apply() and exact_product() each count one.
   [[nodiscard]] std::uint64_t products() const { return products_; }
 
+  /// From now on C is `columns`, at most most_columns(): a product of fewer columns costs less. Vectors and sums made
+  /// with another C must no longer be used. What is compiled for a number of columns is compiled once for each. Throws
+  /// an internal Error for no columns or too many, and device Errors.
+  void use_columns(std::uint32_t columns);
+
   /// A zeroed vector of C columns.
   [[nodiscard]] Vector vector();
   /// A zeroed sums buffer: the scalar slots and partial sums of kernel_arguments.h.
@@ -92,7 +98,7 @@ class Scheduler {
   /// The vector kernel `name` of kernels/README.md, compiled once and kept. Throws a device Error for an unknown one.
   [[nodiscard]] VectorKernel kernel(std::string_view name);
   /// Seconds spent so far in the device's compiler, or in loading what it compiled before.
-  [[nodiscard]] double compile_seconds() const { return compile_seconds_; }
+  [[nodiscard]] double compile_seconds() const;
 
   /// Host columns (C of N values) to a vector. Throws an internal Error for another shape.
   void upload(Vector& to, const Columns& from);
@@ -116,6 +122,7 @@ class Scheduler {
 
  private:
   Scheduler(std::vector<std::unique_ptr<Device>> devices, std::uint32_t size, std::uint32_t columns);
+  void shape(std::uint32_t columns);
   void check_memory() const;
   void place();
 
@@ -123,6 +130,7 @@ class Scheduler {
   Device* device_ = nullptr;
   VectorArguments arguments_;
   std::uint32_t groups_ = 0;
+  std::uint32_t most_columns_ = 0;
   std::unique_ptr<Product> product_;
   std::map<std::string, std::shared_ptr<const Kernel>, std::less<>> kernels_;
   std::vector<float> staging_;

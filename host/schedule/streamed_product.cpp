@@ -43,7 +43,7 @@ class StreamedProduct final : public Product {
     return vectors + host + on_device_ * stream_.panel_bytes() + (uses_turns() ? 2 * turn_bytes() : 0);
   }
   void place() override {
-    matvec_ = compiled("matvec", macros_);
+    use(shape_, groups_);
     scale_ = compiled("scale", {});
     in_ = uploaded(std::as_bytes(form_factors_.scale_in()));
     out_ = uploaded(std::as_bytes(form_factors_.scale_out()));
@@ -75,6 +75,10 @@ class StreamedProduct final : public Product {
   }
 
  private:
+  [[nodiscard]] std::unique_ptr<Kernel> compile_multiply() override {
+    return compiled("matvec", with_columns(macros_));  // the same rows for a group, by which the launches are cut
+  }
+
   /// Rows of S on the device.
   struct Piece {
     std::uint32_t first = 0, rows = 0;
@@ -83,7 +87,7 @@ class StreamedProduct final : public Product {
 
   [[nodiscard]] std::uint64_t row_bytes() const { return std::uint64_t{form_factors_.stride()} * sizeof(float); }
   [[nodiscard]] std::uint64_t vector_bytes() const {
-    return std::uint64_t{shape_.columns} * shape_.vector_stride * sizeof(float);
+    return std::uint64_t{most_columns_} * shape_.vector_stride * sizeof(float);
   }
   [[nodiscard]] std::uint32_t rows_of_a_turn() const { return std::min(most_rows_, stream_.panels().rows(0)); }
   [[nodiscard]] std::uint64_t turn_bytes() const { return rows_of_a_turn() * row_bytes(); }
@@ -136,7 +140,7 @@ class StreamedProduct final : public Product {
                                     .row_stride = form_factors_.stride(),
                                     .vector_stride = shape_.vector_stride};
     const std::array buffers{&panel, scaled_.get(), sums_.get()};
-    launch(*matvec_, (rows + group_ - 1) / group_, buffers, arguments, "S xs");
+    launch(multiply_kernel(), (rows + group_ - 1) / group_, buffers, arguments, "S xs");
   }
 
   void in_place(const PanelStream::View& view) {
@@ -170,7 +174,7 @@ class StreamedProduct final : public Product {
   std::vector<Piece> pieces_;
   std::map<std::uint32_t, std::unique_ptr<Buffer>> shared_;  ///< panels that stay in the host's memory
   std::array<std::unique_ptr<Buffer>, 2> turns_;
-  std::unique_ptr<Kernel> matvec_, scale_;
+  std::unique_ptr<Kernel> scale_;
   std::unique_ptr<Buffer> in_, out_, scaled_, sums_;
 };
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "interflect/base/timer.h"
+#include "interflect/solver/batches.h"
 
 namespace interflect {
 
@@ -59,11 +60,11 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
                         Columns& radiosity, ProgressSink* progress, double interval,
                         const std::function<void(Scheduler&)>& after) {
   FallbackReport result;
-  Checkpoint checkpoint;
-  checkpoint.interval = interval;
+  BatchedSolve solve(method, stop, area, reflectance, emittance, interval);
   std::unique_ptr<Scheduler> scheduler;
   for (bool done = false; !done;) {
-    const std::uint32_t before = checkpoint.kept_iterations;
+    const std::uint64_t before = solve.kept_iterations();
+    bool solved = false;
     candidates.open();
     const std::string id = candidates.id();
     try {
@@ -72,27 +73,32 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
       scheduler = place(candidates.take());
       result.upload_seconds += timer.seconds() - scheduler->compile_seconds();
       result.uploaded_bytes += scheduler->uploaded_bytes();
-      result.report = solve(*scheduler, method, stop, area, reflectance, emittance, radiosity, progress, &checkpoint);
+      solve.run(*scheduler, progress);
+      solved = true;
+      radiosity = solve.radiosity();
       if (after) after(*scheduler);
       done = true;
     } catch (const Error& error) {
+      if (solved) solve.begin_anew();
       candidates.give_up(error);
     }
-    if (done || checkpoint.kept_iterations > before) result.devices.push_back(id);
+    if (done || solve.kept_iterations() > before) result.devices.push_back(id);
   }
+  result.report = solve.report();
   result.failures = candidates.failures();
   return result;
 }
 
 FallbackReport solve_on(Candidates& candidates, const FormFactorMatrix& form_factors, Method method,
                         const StopTest& stop, std::span<const double> area, const Columns& reflectance,
-                        const Columns& emittance, Columns& radiosity, ProgressSink* progress, double interval) {
+                        const Columns& emittance, Columns& radiosity, ProgressSink* progress, double interval,
+                        const std::function<void(Scheduler&)>& after) {
   const Place place = [&](std::unique_ptr<Device> device) {
     std::vector<std::unique_ptr<Device>> devices;
     devices.push_back(std::move(device));
-    return std::make_unique<Scheduler>(form_factors, std::move(devices), static_cast<std::uint32_t>(emittance.size()));
+    return std::make_unique<Scheduler>(form_factors, std::move(devices), columns_at_once(emittance.size()));
   };
-  return solve_on(candidates, place, method, stop, area, reflectance, emittance, radiosity, progress, interval);
+  return solve_on(candidates, place, method, stop, area, reflectance, emittance, radiosity, progress, interval, after);
 }
 
 }  // namespace interflect

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <span>
@@ -68,11 +69,18 @@ struct FallbackReport {
 /// Makes a Scheduler of a device: places F, in whatever format, and throws what the Scheduler's constructor throws.
 using Place = std::function<std::unique_ptr<Scheduler>(std::unique_ptr<Device>)>;
 
+/// The columns for which a Scheduler is made that shall solve for so many.
+[[nodiscard]] inline std::uint32_t columns_at_once(std::size_t columns) {
+  return static_cast<std::uint32_t>(std::min<std::size_t>(columns, most_columns));
+}
+
 /// solve() on the first candidate; when that device fails (lost, out of memory, a kernel that does not compile) or one
 /// of its limits is in the way, on the next one, from the last good iterate: the b of the last finished pass or a
 /// checkpoint, taken every `interval` seconds of iterating. Throws what solve() throws, and the last candidate's Error
 /// when none is left; radiosity is untouched then. `after`, when given, is called with the Scheduler on which the solve
-/// ended well; when the device fails in it, the next one solves and calls it again.
+/// ended well, whose columns are those of its last batch; when the device fails in it, the next one solves and calls it
+/// again. More columns than the Scheduler was made with are solved in batches, and reflectances may be fewer than
+/// emittances: see BatchedSolve.
 [[nodiscard]] FallbackReport solve_on(Candidates& candidates, const Place& place, Method method, const StopTest& stop,
                                       std::span<const double> area, const Columns& reflectance,
                                       const Columns& emittance, Columns& radiosity, ProgressSink* progress = nullptr,
@@ -81,6 +89,6 @@ using Place = std::function<std::unique_ptr<Scheduler>(std::unique_ptr<Device>)>
 [[nodiscard]] FallbackReport solve_on(Candidates& candidates, const FormFactorMatrix& form_factors, Method method,
                                       const StopTest& stop, std::span<const double> area, const Columns& reflectance,
                                       const Columns& emittance, Columns& radiosity, ProgressSink* progress = nullptr,
-                                      double interval = 1.0);
+                                      double interval = 1.0, const std::function<void(Scheduler&)>& after = {});
 
 }  // namespace interflect

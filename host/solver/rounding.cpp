@@ -3,15 +3,17 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <vector>
 
+#include "interflect/solver/batches.h"
 #include "interflect/solver/solver.h"
 
 namespace interflect {
 
 namespace {
 
-double largest(const Columns& columns) {
+double largest(std::span<const std::vector<float>> columns) {
   double size = 0;
   for (const std::vector<float>& column : columns) {
     for (const float value : column) size = std::max(size, std::abs(static_cast<double>(value)));
@@ -28,17 +30,24 @@ double rounding_error(Scheduler& scheduler, Method method, const FormFactorMatri
   exact_product(form_factors, radiosity, received);
   Columns residual = radiosity;
   for (std::size_t c = 0; c < residual.size(); ++c) {
+    const std::vector<float>& rho = reflectance[c % reflectance.size()];
     for (std::size_t i = 0; i < residual[c].size(); ++i) {
-      const double bounced = static_cast<double>(reflectance[c][i]) * received[c][i];
+      const double bounced = static_cast<double>(rho[i]) * received[c][i];
       residual[c][i] =
           static_cast<float>(static_cast<double>(emittance[c][i]) - static_cast<double>(radiosity[c][i]) + bounced);
     }
   }
-  Columns difference;
-  const SolveReport report = solve(scheduler, method, {.tolerance = 0.01}, area, reflectance, residual, difference);
-  if (!report.converged) return std::numeric_limits<double>::quiet_NaN();
-  const double size = largest(radiosity);
-  return size > 0 ? largest(difference) / size : 0.0;
+  const StopTest stop{.tolerance = 0.01};
+  BatchedSolve batches(method, stop, area, reflectance, residual);
+  batches.run(scheduler);
+  if (!batches.report().converged) return std::numeric_limits<double>::quiet_NaN();
+  double worst = 0;
+  for (std::size_t first = 0; first < radiosity.size(); first += reflectance.size()) {
+    const double size = largest(std::span(radiosity).subspan(first, reflectance.size()));
+    const double error = largest(std::span(batches.radiosity()).subspan(first, reflectance.size()));
+    if (size > 0) worst = std::max(worst, error / size);
+  }
+  return worst;
 }
 
 }  // namespace interflect

@@ -108,6 +108,8 @@ struct Defect {
   std::string name;
   std::function<void(MatvecArguments&, std::uint32_t& row_stride)> falsify;
   std::function<bool(const KernelCheck&)> must_show;  ///< the cases in which it cannot hide
+  std::uint32_t columns = 24;                         ///< those before this one are computed
+  std::uint32_t shorter = 24;                         ///< those from here on get the first 1,024 products alone
 };
 
 std::uint32_t panel_rows(const KernelCheck& row) {
@@ -119,10 +121,11 @@ void multiply(test::Launched& launch, const Defect& defect) {
   auto a = launch.as<MatvecArguments>();
   std::uint32_t row_stride = a.row_stride;
   defect.falsify(a, row_stride);
-  for (std::uint32_t c = 0; c < static_cast<std::uint32_t>(launch.macros.at("COLUMNS")); ++c) {
+  const auto columns = static_cast<std::uint32_t>(launch.macros.at("COLUMNS"));
+  for (std::uint32_t c = 0; c < std::min(columns, defect.columns); ++c) {
     for (std::uint32_t r = 0; r < a.rows; ++r) {
       double sum = 0;
-      for (std::uint32_t j = 0; j < a.n; ++j) {
+      for (std::uint32_t j = 0; j < (c < defect.shorter ? a.n : std::min(a.n, 1024U)); ++j) {
         sum += static_cast<double>(launch.buffers[0].at(std::size_t{r} * row_stride + j)) *
                static_cast<double>(launch.buffers[1].at(std::size_t{c} * a.vector_stride + j));
       }
@@ -135,6 +138,7 @@ std::vector<Defect> defects() {
   using A = MatvecArguments;
   const auto always = [](const KernelCheck&) { return true; };
   const auto odd = [](const KernelCheck& row) { return row.size % 16 != 0; };
+  const auto of_24 = [](const KernelCheck& row) { return row.parameters.starts_with("COLUMNS=24 "); };
   return {
       {"TailOfAVectorDropped", [](A& a, std::uint32_t&) { a.n = a.n / 16 * 16; }, odd},
       {"LastProductDropped", [](A& a, std::uint32_t&) { --a.n; }, always},
@@ -151,11 +155,14 @@ std::vector<Defect> defects() {
        },
        always},
       {"FirstIgnored", [](A& a, std::uint32_t&) { a.first = 0; },
-       [](const KernelCheck& row) {  // several panels; the longest rows are 19
-         return panel_rows(row) < (row.size > 1313 ? 19 : row.size);
+       [=](const KernelCheck& row) {  // several panels; the longest rows are 19, or 37
+         return panel_rows(row) < (of_24(row) && row.size > 257 ? 37 : row.size > 1313 ? 19 : row.size);
        }},
       {"ColumnsTooNear", [](A& a, std::uint32_t&) { a.vector_stride -= 16; },
        [](const KernelCheck& row) { return !row.parameters.starts_with("COLUMNS=1 "); }},
+      {"LastColumnForgotten", [](A&, std::uint32_t&) {}, of_24, 23},
+      {"ChunksAfterTheFirstEndAtABlock", [](A&, std::uint32_t&) {},
+       [=](const KernelCheck& row) { return of_24(row) && row.size > 1024; }, 24, 12},
   };
 }
 

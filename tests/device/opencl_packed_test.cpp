@@ -171,6 +171,7 @@ TEST_P(OpenCLPacked, TheSameBitsInTwoRuns) {
 struct Mutation {
   std::string name, shape, file, from, to;
   std::string broken;  ///< the kernel that must fail; no other may
+  std::uint32_t columns = 3;
 };
 
 void PrintTo(const Mutation& mutation, std::ostream* out) {
@@ -190,10 +191,10 @@ TEST_P(BrokenOpenCLPacked, FailsTheCheck) {
   std::vector<KernelCheck> rows;  // of the kernels that the file can break: each is compiled anew
   if (mutation.file == "cl/scale.cl") check::check_packed(*device, rows, {.max_size = 1025, .kernel = "scale"});
   if (mutation.file == "cl/tiles16.cl" || mutation.file == "cl/tiles.cl") {
-    check::check_packed(*device, rows, {.max_size = 5791, .columns = 3, .kernel = "tiles16"});
+    check::check_packed(*device, rows, {.max_size = 5791, .columns = mutation.columns, .kernel = "tiles16"});
   }
   if (mutation.file == "cl/sym16.cl") {
-    check::check_packed(*device, rows, {.max_size = 300, .columns = 3, .kernel = "sym16"});
+    check::check_packed(*device, rows, {.max_size = 300, .columns = mutation.columns, .kernel = "sym16"});
     check::check_packed(*device, rows, {.max_size = 300, .kernel = "sym16_fold"});
   }
   std::set<std::string> failed;
@@ -244,6 +245,10 @@ std::vector<Mutation> processor_mutations() {
       {"DiagonalsColumnsLost", shape, sym16, "+= row_sums", "= row_sums", "sym16"},
       {"NoZeros", shape, sym16, "i < SLOT; i += WIDTH", "i < SLOT / 2; i += WIDTH", "sym16"},
       {"WrongSlot", shape, sym16, "entry.y * a.block_rows + entry.x", "entry.x * a.block_rows + entry.y", "sym16"},
+      {"LaterColumnsLikeTheFirst", shape, tiles16, "x + (size_t)k * CHUNK * a.vector_stride, CHUNK, total[part][k]",
+       "x, CHUNK, total[part][k]", "tiles16", 24},
+      {"LaterColumnsAddedToTheFirst", shape, sym16, "b.columns + k * CHUNK * BLOCK, CHUNK", "b.columns, CHUNK", "sym16",
+       24},
   };
 }
 
@@ -268,6 +273,9 @@ std::vector<Mutation> gpu_mutations() {
       {"DiagonalsRowsLost", shape, sym16, "w->b.diagonal ? *to + sum : sum", "sum", "sym16"},
       {"TileOfAStripBefore", shape, sym16, "k < begins[0] || k >= begins[1]", "k == NOWHERE", "sym16"},
       {"BarrierRemoved", shape, sym16, barrier + "there = load", "there = load", "sym16"},
+      {"LaterColumnsLikeTheFirst", shape, tiles16, "x + column, t, y + column, CHUNK, row",
+       "x, t, y + column, CHUNK, row", "tiles16", 24},
+      {"LaterColumnsAddedToTheFirst", shape, sym16, "w.b.columns + slot, CHUNK", "w.b.columns, CHUNK", "sym16", 24},
   };
 }
 

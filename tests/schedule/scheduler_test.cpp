@@ -84,6 +84,36 @@ TEST(Scheduler, AppliesFPanelByPanel) {
   }
 }
 
+TEST(Scheduler, UsesFewerColumnsThanItWasMadeWith) {
+  const FormFactorMatrix f = matrix(300);
+  const Columns x = wave(300, 24);
+  const auto counts = std::make_shared<Counts>();
+  Scheduler scheduler(f, counting(counts), 24);
+  EXPECT_EQ(scheduler.most_columns(), 24U);
+  const auto expected = product(f, x);
+  for (const std::uint32_t columns : {24U, 3U, 7U, 3U, 24U}) {
+    scheduler.use_columns(columns);
+    ASSERT_EQ(scheduler.columns(), columns);
+    Vector in = scheduler.vector(), out = scheduler.vector();
+    const Columns first(x.begin(), x.begin() + columns);
+    scheduler.upload(in, first);
+    scheduler.apply(in, out);
+    Columns y;
+    scheduler.download(out, y);
+    std::vector<std::vector<double>> exact;
+    scheduler.exact_product(first, exact);
+    ASSERT_EQ(y.size(), columns);
+    for (std::size_t c = 0; c < columns; ++c) {
+      for (std::size_t i = 0; i < 300; ++i) {
+        ASSERT_NEAR(static_cast<double>(y[c][i]), expected[c][i], 1e-5) << columns << " columns";
+        ASSERT_NEAR(exact[c][i], expected[c][i], 1e-12);
+      }
+    }
+  }
+  expect_error(ErrorKind::internal, "1 to 24 were placed", [&] { scheduler.use_columns(25); });
+  expect_error(ErrorKind::internal, "1 to 24 were placed", [&] { scheduler.use_columns(0); });
+}
+
 TEST(Scheduler, ExactProductIsInDoubleAndIndependentOfThreads) {
   for (const std::uint32_t n : {1U, 7U, 16U, 33U, 300U}) {
     const FormFactorMatrix f = matrix(n, 10'000);

@@ -1,0 +1,98 @@
+#include "interflect/solver/batches.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "interflect/base/error.h"
+
+namespace interflect {
+
+BatchedSolve::BatchedSolve(Method method, const StopTest& stop, std::span<const double> area,
+                           const Columns& reflectance, const Columns& emittance, double interval)
+    : method_(method),
+      stop_(stop),
+      area_(area),
+      reflectance_(reflectance),
+      emittance_(emittance),
+      radiosity_(emittance.size()) {
+  if (emittance.empty() || reflectance.empty() || emittance.size() % reflectance.size() != 0) {
+    throw Error(ErrorKind::usage, fmt::format("solve: {} columns of reflectances for {} of emittances",
+                                              reflectance.size(), emittance.size()));
+  }
+  batches_.push_back({0, emittance.size()});
+  batches_.back().checkpoint.interval = interval;
+}
+
+/// Batches of at most so many columns. What a batch has come to goes with its columns; what it has spent stays with the
+/// first of its parts.
+void BatchedSolve::cut(std::uint32_t most) {
+  std::vector<Batch> cut;
+  for (Batch& batch : batches_) {
+    if (batch.done || batch.columns <= most) {
+      cut.push_back(std::move(batch));
+      continue;
+    }
+    const Checkpoint whole = std::move(batch.checkpoint);
+    for (std::size_t at = 0; at < batch.columns; at += most) {
+      Batch part{batch.first + at, std::min<std::size_t>(most, batch.columns - at)};
+      if (at == 0) part.checkpoint = whole;
+      part.checkpoint.interval = whole.interval;
+      part.checkpoint.kept_iterations = whole.kept_iterations;
+      part.checkpoint.b.clear();
+      for (std::size_t c = 0; c < part.columns && !whole.b.empty(); ++c) part.checkpoint.b.push_back(whole.b[at + c]);
+      cut.push_back(std::move(part));
+    }
+  }
+  batches_ = std::move(cut);
+}
+
+void BatchedSolve::run(Scheduler& scheduler, ProgressSink* progress) {
+  cut(scheduler.most_columns());
+  for (Batch& batch : batches_) {
+    if (batch.done) continue;
+    Columns rho(batch.columns), e(batch.columns), b;
+    for (std::size_t c = 0; c < batch.columns; ++c) {
+      rho[c] = reflectance_[(batch.first + c) % reflectance_.size()];
+      e[c] = emittance_[batch.first + c];
+    }
+    scheduler.use_columns(static_cast<std::uint32_t>(batch.columns));
+    batch.done = solve(scheduler, method_, stop_, area_, rho, e, b, progress, &batch.checkpoint);
+    for (std::size_t c = 0; c < batch.columns; ++c) radiosity_[batch.first + c] = std::move(b[c]);
+  }
+}
+
+void BatchedSolve::begin_anew() {
+  for (Batch& batch : batches_) batch.done.reset();
+}
+
+SolveReport BatchedSolve::report() const {
+  SolveReport all;
+  all.converged = true;
+  for (const Batch& batch : batches_) {
+    if (!batch.done) continue;
+    const SolveReport& one = *batch.done;
+    all.converged = all.converged && one.converged;
+    all.interrupted = all.interrupted || one.interrupted;
+    all.iterations = std::max(all.iterations, one.iterations);
+    all.passes = std::max(all.passes, one.passes);
+    all.products += one.products;
+    all.restarts += one.restarts;
+    all.seconds += one.seconds;
+    all.relative_residual.insert(all.relative_residual.end(), one.relative_residual.begin(),
+                                 one.relative_residual.end());
+    if (all.reason.empty()) all.reason = one.reason;
+  }
+  return all;
+}
+
+std::uint64_t BatchedSolve::kept_iterations() const {
+  std::uint64_t kept = 0;
+  for (const Batch& batch : batches_) {
+    kept += batch.columns * (std::uint64_t{batch.checkpoint.kept_iterations} + (batch.done ? 1 : 0));
+  }
+  return kept;
+}
+
+}  // namespace interflect
