@@ -11,6 +11,7 @@ namespace interflect::cli {
 
 namespace {
 
+constexpr std::uint64_t marks = 8;              // a bar is also drawn at every eighth of its stage
 constexpr double redraw = 0.1;                  // seconds
 constexpr std::uint32_t each_iteration = 1000;  // so many are told to programs one by one
 
@@ -66,10 +67,12 @@ void Console::begin(std::string_view stage, std::uint64_t total) {
 }
 
 void Console::advance(std::uint64_t steps) {
-  done_ += steps;
+  const std::uint64_t done = done_ += steps;
   if (!terminal_ && voice_ != Voice::json) return;
   const double now = timer_.seconds();
   double due = next_;
+  const bool passes_mark = total_ >= marks && done * marks / total_ > (done - steps) * marks / total_;
+  if (passes_mark) due = next_ = now;
   // One of the threads that find the bar due draws it; the others go on with their work.
   if (now < due || !next_.compare_exchange_strong(due, now + redraw)) return;
   const std::lock_guard lock(mutex_);

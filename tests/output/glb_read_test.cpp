@@ -76,7 +76,8 @@ std::string error_of(const std::function<void(std::string&)>& damage) {
 
 void replace(std::string& bytes, const std::string& from, const std::string& to) {
   ASSERT_EQ(from.size(), to.size());
-  for (auto at = bytes.find(from); at != std::string::npos; at = bytes.find(from, at + 1)) bytes.replace(at, from.size(), to);
+  for (auto at = bytes.find(from); at != std::string::npos; at = bytes.find(from, at + 1))
+    bytes.replace(at, from.size(), to);
 }
 
 TEST(SolvedGlb, DamageIsNamed) {

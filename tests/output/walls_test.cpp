@@ -71,7 +71,8 @@ class FloorUnderWall {
     if (thick == 0) {
       s.quad("wall", wall, {1.9, foot, -0.1}, {1.9, foot, 3.1}, {1.9, 2, 3.1}, {1.9, 2, -0.1});
     } else {
-      s.box("wall", {wall, wall, wall, wall, wall, wall}, {1.9 - thick / 2, foot, -0.1}, {1.9 + thick / 2, 2, 3.1}, false);
+      s.box("wall", {wall, wall, wall, wall, wall, wall}, {1.9 - thick / 2, foot, -0.1}, {1.9 + thick / 2, 2, 3.1},
+            false);
     }
     return s.scene();
   }
