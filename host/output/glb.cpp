@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -74,6 +75,7 @@ void check_lit(const Solution& solution) {
 struct VertexLight {
   std::vector<Rgb> all;
   std::vector<std::vector<Rgb>> groups;
+  std::vector<Rgb> emittance;  ///< lamps and what is lit never share a smooth vertex
 };
 
 /// Writes the primitives of one file.
@@ -83,6 +85,10 @@ class GlbWriter {
       : mesh_(*solution.mesh), smooth_(smooth), lightmap_(lightmap) {
     light_.all = smooth_radiosities(smooth, mesh_, solution.radiosity);
     for (const auto& lit : solution.lit) light_.groups.push_back(smooth_radiosities(smooth, mesh_, lit));
+    light_.emittance.resize(smooth.size());
+    for (std::size_t i = 0; i < mesh_.size(); ++i) {
+      for (const std::uint32_t v : smooth.corners[i]) light_.emittance[v] = mesh_.emittance[i];
+    }
     scale_ = color_scale(mesh_, solution.radiosity);
     Json extras = {{"interflect_color_scale", scale_}};
     if (!solution.lit.empty()) extras["interflect_light_groups"] = solution.lights.names;
@@ -133,6 +139,10 @@ class GlbWriter {
       out["TEXCOORD_0"] = places, out["TEXCOORD_1"] = places;
     }
     out["_RADIOSITY"] = vectors(part, [&](Vertex v) { return floats(light_.all[v.smooth]); });
+    const auto shines = [&](Vertex v) { return emits(light_.emittance[v.smooth]); };
+    if (std::any_of(part.vertices.begin(), part.vertices.end(), shines)) {
+      out["_EMITTANCE"] = vectors(part, [&](Vertex v) { return floats(light_.emittance[v.smooth]); });
+    }
     for (std::size_t g = 0; g < light_.groups.size(); ++g) {
       out[fmt::format("_GROUP_{}", g)] = vectors(part, [&](Vertex v) { return floats(light_.groups[g][v.smooth]); });
     }

@@ -33,6 +33,10 @@ class Bar {
     sink_->advance(percent - shown_);
     shown_ = percent;
   }
+  void iteration(std::uint32_t number, double residual) {
+    if (sink_ != nullptr) sink_->iteration(number, residual);
+  }
+  [[nodiscard]] bool interrupted() const { return sink_ != nullptr && sink_->interrupted(); }
 
  private:
   ProgressSink* sink_;
