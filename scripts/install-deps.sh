@@ -8,7 +8,7 @@ packages=(
   build-essential cmake ninja-build pkg-config git ca-certificates
   # libraries that the program uses
   libembree-dev libtbb-dev libtinygltf-dev libtinyobjloader-dev libpugixml-dev libcli11-dev nlohmann-json3-dev
-  libfmt-dev libhwy-dev libopenexr-dev libpng-dev libxxhash-dev libstb-dev
+  libfmt-dev libhwy-dev libopenexr-dev libpng-dev zlib1g-dev libxxhash-dev libstb-dev
   # the page of `view`: three.js is embedded in the program
   libjs-three
   # loaders and compilers of the GPU backends (CUDA needs nothing to build)

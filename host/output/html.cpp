@@ -70,10 +70,6 @@ std::string escaped(std::string_view text) {
   return out;
 }
 
-void write_part(std::string_view name, const Write& write) {
-  for (const std::string_view piece : page_part(name).pieces) write(piece);
-}
-
 }  // namespace
 
 void make_page(const Solution& solution, const PageOptions& options, const Write& write) {
@@ -84,21 +80,20 @@ void make_page(const Solution& solution, const PageOptions& options, const Write
                 fmt::format("page: {} patches and {} lamps need {} MiB, above the 1 GiB that a browser opens",
                             solution.mesh->size(), solution.lit.size(), data.numbers.size() / 3 * 4 >> 20));
   }
-  std::string outline;
-  for (const std::string_view piece : page_part("page.html").pieces) outline += piece;
+  const std::string outline = text_of(page_part("page.html"));
   // "@NAME@" in the outline stands for what comes here.
   const auto fill = [&](std::string_view name) {
     if (name == "TITLE") return write(escaped(options.title));
     if (name == "POLICY") return write(policy(options));
     if (name == "DESCRIPTION") return write(data.description);
     if (name == "NUMBERS") return write_base64(data.numbers, write);
-    if (name == "STYLE") return write_part("style", write);
-    if (name == "THREE") return write_part("three", write);
-    if (name == "PROGRAM") return write_part("program", write);
-    if (name == "LICENCE") return write_part("licence", write);
+    if (name == "STYLE") return write(text_of(page_part("style")));
+    if (name == "THREE") return write(text_of(page_part("three")));
+    if (name == "PROGRAM") return write(text_of(page_part("program")));
+    if (name == "LICENCE") return write(text_of(page_part("licence")));
     throw Error(ErrorKind::internal, fmt::format("page: nothing is known of @{}@", name));
   };
-  std::string_view rest = outline;
+  std::string_view rest(outline);
   for (std::size_t start = 0; (start = rest.find('@')) != std::string_view::npos;) {
     write(rest.substr(0, start));
     const std::size_t end = rest.find('@', start + 1);
