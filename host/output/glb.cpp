@@ -11,6 +11,7 @@
 #include "interflect/base/error.h"
 #include "interflect/output/bytes.h"
 #include "interflect/output/glb_asset.h"
+#include "interflect/output/joints.h"
 #include "interflect/output/lightmap.h"
 #include "interflect/output/output.h"
 #include "interflect/output/smooth.h"
@@ -23,9 +24,11 @@ namespace {
 using Json = GlbAsset::Json;
 using Floats3 = std::array<float, 3>;
 
-/// A vertex of the file: a smooth vertex, once for each chart that it is in.
+/// A vertex of the file: a smooth vertex, once for each chart that it is in, or a joint between two of them.
 struct Vertex {
-  std::uint32_t smooth = 0;
+  std::uint32_t vertex = 0;             ///< into PatchMesh::vertices
+  std::array<std::uint32_t, 2> ends{};  ///< smooth vertices; equal where it is one itself
+  double share = 0;                     ///< from the first to the second
   std::uint32_t chart = 0;
 };
 
@@ -40,16 +43,23 @@ std::vector<Part> split_by_group(const Solution& solution, const SmoothMesh& smo
   std::vector<Part> parts(solution.grouping.names.size());
   std::vector<std::vector<std::uint32_t>> patches(parts.size());
   for (std::uint32_t i = 0; i < mesh.size(); ++i) patches[solution.grouping.of_surface[mesh.surface[i]]].push_back(i);
-  std::unordered_map<std::uint64_t, std::uint32_t> local;
+  const JointCutter cutter(mesh);
+  std::unordered_map<std::uint64_t, std::uint32_t> corners, joints;  // of a group; of a patch
   for (std::size_t g = 0; g < parts.size(); ++g) {
-    local.clear();
+    corners.clear();
+    Part& part = parts[g];
     for (const std::uint32_t i : patches[g]) {
       const std::uint32_t chart = lightmap == nullptr ? 0 : lightmap->atlas.charts.of_patch[i];
-      for (const std::uint32_t s : smooth.corners[i]) {
-        const auto next = static_cast<std::uint32_t>(parts[g].vertices.size());
-        const auto [at, added] = local.try_emplace(std::uint64_t{chart} << 32U | s, next);
-        if (added) parts[g].vertices.push_back({s, chart});
-        parts[g].indices.push_back(at->second);
+      joints.clear();
+      for (const auto& triangle : cutter.cut(i)) {
+        for (const Joint& joint : triangle) {
+          const std::uint32_t s = smooth.corners[i][joint.ends[0]], t = smooth.corners[i][joint.ends[1]];
+          const auto next = static_cast<std::uint32_t>(part.vertices.size());
+          const auto [at, added] = s == t ? corners.try_emplace(std::uint64_t{chart} << 32U | s, next)
+                                          : joints.try_emplace(joint.vertex, next);
+          if (added) part.vertices.push_back({joint.vertex, {s, t}, joint.share, chart});
+          part.indices.push_back(at->second);
+        }
       }
     }
   }
@@ -119,33 +129,44 @@ class GlbWriter {
   std::size_t vectors(const Part& part, const Value& value, bool bounds = false) {
     std::vector<decltype(value(Vertex{}))> values;
     values.reserve(part.vertices.size());
-    for (const Vertex v : part.vertices) values.push_back(value(v));
+    for (const Vertex& v : part.vertices) values.push_back(value(v));
     return asset_.add_vectors(values, bounds);
   }
 
   Json attributes(const Part& part) {
-    const auto position = [&](Vertex v) { return mesh_.vertices[smooth_.vertex[v.smooth]]; };
+    const auto position = [&](const Vertex& v) { return mesh_.vertices[v.vertex]; };
     Json out;
     out["POSITION"] = vectors(
-        part, [&](Vertex v) { return floats(position(v)); }, true);
-    out["NORMAL"] = vectors(part, [&](Vertex v) { return floats(smooth_.normal[v.smooth]); });
+        part, [&](const Vertex& v) { return floats(position(v)); }, true);
+    out["NORMAL"] = vectors(part, [&](const Vertex& v) {
+      return floats(normalized(smooth_.normal[v.ends[0]] * (1 - v.share) + smooth_.normal[v.ends[1]] * v.share));
+    });
     if (lightmap_ == nullptr) {
-      out["COLOR_0"] = vectors(part, [&](Vertex v) { return colour(light_.all[v.smooth]); });
+      out["COLOR_0"] = vectors(part, [&](const Vertex& v) { return colour(at(v, light_.all)); });
     } else {
-      const std::size_t places = vectors(part, [&](Vertex v) {
+      const std::size_t places = vectors(part, [&](const Vertex& v) {
         const Vec2 p = lightmap_->atlas.texels(v.chart, position(v)) * (1.0 / lightmap_->atlas.size);
         return std::array<float, 2>{finite_float(p.x), finite_float(p.y)};
       });
       out["TEXCOORD_0"] = places, out["TEXCOORD_1"] = places;
     }
-    out["_RADIOSITY"] = vectors(part, [&](Vertex v) { return floats(light_.all[v.smooth]); });
-    const auto shines = [&](Vertex v) { return emits(light_.emittance[v.smooth]); };
+    out["_RADIOSITY"] = vectors(part, [&](const Vertex& v) { return floats(at(v, light_.all)); });
+    const auto shines = [&](const Vertex& v) { return emits(at(v, light_.emittance)); };
     if (std::any_of(part.vertices.begin(), part.vertices.end(), shines)) {
-      out["_EMITTANCE"] = vectors(part, [&](Vertex v) { return floats(light_.emittance[v.smooth]); });
+      out["_EMITTANCE"] = vectors(part, [&](const Vertex& v) { return floats(at(v, light_.emittance)); });
     }
     for (std::size_t g = 0; g < light_.groups.size(); ++g) {
-      out[fmt::format("_GROUP_{}", g)] = vectors(part, [&](Vertex v) { return floats(light_.groups[g][v.smooth]); });
+      out[fmt::format("_GROUP_{}", g)] =
+          vectors(part, [&](const Vertex& v) { return floats(at(v, light_.groups[g])); });
     }
+    return out;
+  }
+
+  /// A value at the smooth vertices, between them where v is.
+  static Rgb at(const Vertex& v, const std::vector<Rgb>& values) {
+    Rgb out = values[v.ends[0]];
+    if (v.ends[0] == v.ends[1]) return out;
+    for (std::size_t c = 0; c < 3; ++c) out[c] = (1 - v.share) * out[c] + v.share * values[v.ends[1]][c];
     return out;
   }
 

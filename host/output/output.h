@@ -97,7 +97,8 @@ void write_exr(const Picture& picture, const std::filesystem::path& path);
 /// (float), red green blue (uchar: sRGB of exposed radiosity, for viewers), radiosity_r radiosity_g radiosity_b (float:
 /// linear radiosity). A vertex appears once for each surface that meets there.
 void write_ply(const Solution& solution, const std::filesystem::path& path);
-/// glTF 2.0 binary; a node with its mesh for each group that has patches, triangles in patch order, unlit material.
+/// glTF 2.0 binary; a node with its mesh for each group that has patches, triangles in patch order, unlit material. A
+/// patch is one triangle, or several where its neighbours have vertices on its edges (joints.h), so that no gap shows.
 /// _RADIOSITY is the linear radiosity, _EMITTANCE the emittance (in groups with lamps only), _GROUP_0, _GROUP_1, ...
 /// those of Solution::lit, whose names are in the scene's extras as "interflect_light_groups". COLOR_0 is linear too,
 /// but glTF demands 0..1: it is the radiosity times color_scale() (tone.h), hue-preserving clip at 1; the factor is in

@@ -20,28 +20,7 @@ using test::TemporaryFolder;
 using test::Values;
 using test::values;
 
-using Corners = std::array<std::size_t, 3>;
-
-/// visit(node's primitive, patch, indices of its corners) for each patch, whose order the file keeps within a group.
-template <class Visit>
-void for_patches(const Sample& lit, const tinygltf::Model& model, const Visit& visit) {
-  std::size_t patches = 0;
-  for (const auto& node : model.nodes) {
-    const auto& primitive = model.meshes.at(static_cast<std::size_t>(node.mesh)).primitives.at(0);
-    const Values index = values(model, primitive.indices, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, TINYGLTF_TYPE_SCALAR);
-    std::size_t k = 0;
-    for (std::uint32_t i = 0; i < lit.mesh.size(); ++i) {
-      if (lit.solution.grouping.names[lit.solution.grouping.of_surface[lit.mesh.surface[i]]] != node.name) continue;
-      ++patches;
-      ASSERT_LE(k + 3, index.count);
-      visit(primitive, i,
-            Corners{index.at<std::uint32_t>(k), index.at<std::uint32_t>(k + 1), index.at<std::uint32_t>(k + 2)});
-      k += 3;
-    }
-    EXPECT_EQ(k, index.count);
-  }
-  EXPECT_EQ(patches, lit.mesh.size());
-}
+using Corners = std::array<test::GlbCorner, 3>;
 
 Values floats(const tinygltf::Model& model, const tinygltf::Primitive& primitive, const std::string& name, int type) {
   return values(model, primitive.attributes.at(name), TINYGLTF_COMPONENT_TYPE_FLOAT, type);
@@ -73,22 +52,23 @@ TEST(GlbLightTest, EveryLightGroupIsAnAttribute) {
     const tinygltf::Model model = load_glb(folder / "m.glb");
     const std::array corners{corner_radiosities(lit.mesh, lit.solution.lit[0]),
                              corner_radiosities(lit.mesh, lit.solution.lit[1])};
-    for_patches(lit, model, [&](const tinygltf::Primitive& primitive, std::uint32_t i, const Corners& index) {
-      EXPECT_FALSE(primitive.attributes.contains("_GROUP_2"));
-      const Values all = floats(model, primitive, "_RADIOSITY", TINYGLTF_TYPE_VEC3);
-      const std::array groups{floats(model, primitive, "_GROUP_0", TINYGLTF_TYPE_VEC3),
-                              floats(model, primitive, "_GROUP_1", TINYGLTF_TYPE_VEC3)};
-      for (std::size_t k = 0; k < 3; ++k) {
-        for (std::size_t c = 0; c < 3; ++c) {
-          const std::size_t at = 3 * index[k] + c;
-          for (std::size_t g = 0; g < 2; ++g) {
-            ASSERT_EQ(groups[g].at<float>(at), static_cast<float>(corners[g][i][k][c]));
-          }
-          const float sum = groups[0].at<float>(at) + groups[1].at<float>(at);
-          ASSERT_NEAR(sum / all.at<float>(at), 1, 1e-6);
-        }
-      }
-    });
+    test::for_triangles(lit.solution, model,
+                        [&](const tinygltf::Primitive& primitive, std::uint32_t i, const Corners& corner) {
+                          EXPECT_FALSE(primitive.attributes.contains("_GROUP_2"));
+                          const Values all = floats(model, primitive, "_RADIOSITY", TINYGLTF_TYPE_VEC3);
+                          const std::array groups{floats(model, primitive, "_GROUP_0", TINYGLTF_TYPE_VEC3),
+                                                  floats(model, primitive, "_GROUP_1", TINYGLTF_TYPE_VEC3)};
+                          for (std::size_t k = 0; k < 3; ++k) {
+                            for (std::size_t c = 0; c < 3; ++c) {
+                              const std::size_t at = 3 * corner[k].index + c;
+                              for (std::size_t g = 0; g < 2; ++g) {
+                                ASSERT_NEAR(groups[g].at<float>(at) / corner[k].mean(corners[g][i], c), 1, 1e-5);
+                              }
+                              const float sum = groups[0].at<float>(at) + groups[1].at<float>(at);
+                              ASSERT_NEAR(sum / all.at<float>(at), 1, 1e-6);
+                            }
+                          }
+                        });
   }
 }
 
@@ -129,38 +109,42 @@ Shown shown_by(const Sample& lit, const std::filesystem::path& path) {
   const auto channels = static_cast<std::size_t>(image.component);
   const auto corners = corner_radiosities(lit.mesh, lit.solution.radiosity);
   Shown shown;
-  for_patches(lit, model, [&](const tinygltf::Primitive& primitive, std::uint32_t i, const Corners& index) {
-    EXPECT_FALSE(primitive.attributes.contains("COLOR_0"));  // glTF would multiply
-    EXPECT_EQ(primitive.attributes.at("TEXCOORD_0"), primitive.attributes.at("TEXCOORD_1"));
-    const Values uv = floats(model, primitive, "TEXCOORD_1", TINYGLTF_TYPE_VEC2);
-    std::array<std::array<double, 2>, 3> t{};
-    for (std::size_t k = 0; k < 3; ++k) {
-      t[k] = {uv.at<float>(2 * index[k]) * double(image.width), uv.at<float>(2 * index[k] + 1) * double(image.height)};
-    }
-    const auto area = [](const auto& a, const auto& b, const auto& c) {
-      return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    };
-    const double whole = area(t[0], t[1], t[2]);
-    for (int y = int(std::min({t[0][1], t[1][1], t[2][1]})); y <= int(std::max({t[0][1], t[1][1], t[2][1]})); ++y) {
-      for (int x = int(std::min({t[0][0], t[1][0], t[2][0]})); x <= int(std::max({t[0][0], t[1][0], t[2][0]})); ++x) {
-        const std::array<double, 2> p{x + 0.5, y + 0.5};
-        const std::array<double, 3> w{area(p, t[1], t[2]) / whole, area(t[0], p, t[2]) / whole,
-                                      area(t[0], t[1], p) / whole};
-        if (*std::min_element(w.begin(), w.end()) < 1e-4) continue;  // the file's single precision at the rims
-        Rgb b{};
-        for (std::size_t c = 0; c < 3; ++c) {
-          for (std::size_t k = 0; k < 3; ++k) b[c] += scale * w[k] * corners[i][k][c];
+  test::for_triangles(
+      lit.solution, model, [&](const tinygltf::Primitive& primitive, std::uint32_t i, const Corners& corner) {
+        EXPECT_FALSE(primitive.attributes.contains("COLOR_0"));  // glTF would multiply
+        EXPECT_EQ(primitive.attributes.at("TEXCOORD_0"), primitive.attributes.at("TEXCOORD_1"));
+        const Values uv = floats(model, primitive, "TEXCOORD_1", TINYGLTF_TYPE_VEC2);
+        std::array<std::array<double, 2>, 3> t{};
+        for (std::size_t k = 0; k < 3; ++k) {
+          t[k] = {uv.at<float>(2 * corner[k].index) * double(image.width),
+                  uv.at<float>(2 * corner[k].index + 1) * double(image.height)};
         }
-        b = tone_map(b, ToneMap::linear);
-        bool right = true;
-        for (std::size_t c = 0; c < 3; ++c) {
-          const int is = image.image.at((std::size_t(y) * std::size_t(image.width) + std::size_t(x)) * channels + c);
-          right = right && std::abs(is - srgb_byte(b[c])) <= 1;
+        const auto area = [](const auto& a, const auto& b, const auto& c) {
+          return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        };
+        const double whole = area(t[0], t[1], t[2]);
+        for (int y = int(std::min({t[0][1], t[1][1], t[2][1]})); y <= int(std::max({t[0][1], t[1][1], t[2][1]})); ++y) {
+          for (int x = int(std::min({t[0][0], t[1][0], t[2][0]})); x <= int(std::max({t[0][0], t[1][0], t[2][0]}));
+               ++x) {
+            const std::array<double, 2> p{x + 0.5, y + 0.5};
+            const std::array<double, 3> w{area(p, t[1], t[2]) / whole, area(t[0], p, t[2]) / whole,
+                                          area(t[0], t[1], p) / whole};
+            if (*std::min_element(w.begin(), w.end()) < 1e-4) continue;  // the file's single precision at the rims
+            Rgb b{};
+            for (std::size_t c = 0; c < 3; ++c) {
+              for (std::size_t k = 0; k < 3; ++k) b[c] += scale * w[k] * corner[k].mean(corners[i], c);
+            }
+            b = tone_map(b, ToneMap::linear);
+            bool right = true;
+            for (std::size_t c = 0; c < 3; ++c) {
+              const int is =
+                  image.image.at((std::size_t(y) * std::size_t(image.width) + std::size_t(x)) * channels + c);
+              right = right && std::abs(is - srgb_byte(b[c])) <= 1;
+            }
+            ++(right ? shown.right : shown.wrong);
+          }
         }
-        ++(right ? shown.right : shown.wrong);
-      }
-    }
-  });
+      });
   return shown;
 }
 

@@ -3,12 +3,15 @@
 #include <gtest/gtest.h>
 #include <tiny_gltf.h>
 
+#include <array>
 #include <bit>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+
+#include "interflect/output/output.h"
 
 namespace interflect::test {
 
@@ -67,6 +70,58 @@ inline Values values(const tinygltf::Model& model, int index, int component, int
   EXPECT_LE(view.byteOffset + view.byteLength, data.size());
   EXPECT_EQ(view.byteOffset % 4, 0U);
   return {accessor.count, data.data() + view.byteOffset};
+}
+
+/// A corner of a triangle in a file: its index, and its weights of the three corners of the patch in which it lies.
+struct GlbCorner {
+  std::size_t index = 0;
+  std::array<double, 3> weights{};
+  /// A value that is linear over the patch.
+  [[nodiscard]] double mean(const std::array<Rgb, 3>& corners, std::size_t c) const {
+    return weights[0] * corners[0][c] + weights[1] * corners[1][c] + weights[2] * corners[2][c];
+  }
+};
+
+/// visit(primitive, patch, three corners) for each triangle of a GLB file: those of a patch follow one another and fill
+/// it, patches are in order within a group.
+template <class Visit>
+void for_triangles(const Solution& solution, const tinygltf::Model& model, const Visit& visit) {
+  const PatchMesh& mesh = *solution.mesh;
+  std::size_t patches = 0;
+  for (const auto& node : model.nodes) {
+    const auto& primitive = model.meshes.at(static_cast<std::size_t>(node.mesh)).primitives.at(0);
+    const Values index = values(model, primitive.indices, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, TINYGLTF_TYPE_SCALAR);
+    const Values position =
+        values(model, primitive.attributes.at("POSITION"), TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3);
+    std::size_t k = 0;
+    for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+      if (solution.grouping.names[solution.grouping.of_surface[mesh.surface[i]]] != node.name) continue;
+      ++patches;
+      const auto t = mesh.triangle(i);
+      const auto share = [&](Vec3 a, Vec3 b, Vec3 c) {
+        return dot(cross(b - a, c - a), mesh.normal[i]) / (2 * mesh.area[i]);
+      };
+      for (double filled = 0; filled < 1 - 1e-5;) {
+        ASSERT_LE(k + 3, index.count);
+        std::array<GlbCorner, 3> corners;
+        std::array<Vec3, 3> at{};
+        for (std::size_t c = 0; c < 3; ++c, ++k) {
+          const std::size_t v = index.at<std::uint32_t>(k);
+          ASSERT_LT(v, position.count);
+          at[c] = {position.at<float>(3 * v), position.at<float>(3 * v + 1), position.at<float>(3 * v + 2)};
+          corners[c] = {v, {share(at[c], t[1], t[2]), share(t[0], at[c], t[2]), share(t[0], t[1], at[c])}};
+          for (const double w : corners[c].weights) ASSERT_GT(w, -1e-4);  // in the patch
+        }
+        const double area = share(at[0], at[1], at[2]);
+        ASSERT_GT(area, 1e-6);  // its front is the patch's
+        filled += area;
+        ASSERT_LT(filled, 1 + 1e-4);
+        visit(primitive, i, corners);
+      }
+    }
+    EXPECT_EQ(k, index.count);
+  }
+  EXPECT_EQ(patches, mesh.size());
 }
 
 }  // namespace interflect::test
