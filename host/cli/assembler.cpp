@@ -1,10 +1,13 @@
 #include "assembler.h"
 
+#include <algorithm>
 #include <memory>
+#include <optional>
 
 #include "interflect/base/error.h"
 #include "interflect/device/compile_cache.h"
-#include "interflect/schedule/device_tile_maker.h"
+#include "interflect/formfactor/iff_format.h"
+#include "interflect/schedule/device_assembly.h"
 
 namespace interflect::cli {
 
@@ -27,20 +30,54 @@ bool assembles(AssemblyPlace place, const DeviceInfo& device) {
   return place == AssemblyPlace::device || device.type != DeviceType::cpu;  // there Embree does it faster
 }
 
-void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act) {
+namespace {
+
+/// Tiles from a device, which is given patches, hierarchy and scratch once, when the first tiles are wanted.
+class DeviceTiles final : public TileMaker {
+ public:
+  DeviceTiles(Device& device, const PatchTable& patches, const Blockers& blockers, const AssemblyOptions& options,
+              AssemblyUse& use)
+      : device_(device), patches_(patches), blockers_(blockers), options_(options), use_(use) {}
+  [[nodiscard]] TileFacts make(std::size_t first, std::size_t end, const TileSink& sink,
+                               ProgressSink& progress) override {
+    if (!assembly_) assembly_.emplace(device_, patches_, blockers_, options_.budget, options_.seed);
+    TileFacts facts = assembly_->make(first, end, sink, progress);
+    use_ = {device_.info().id, assembly_->downloaded_bytes()};
+    return facts;
+  }
+
+ private:
+  Device& device_;
+  const PatchTable& patches_;
+  const Blockers& blockers_;
+  const AssemblyOptions& options_;
+  AssemblyUse& use_;
+  std::optional<DeviceAssembly> assembly_;
+};
+
+}  // namespace
+
+void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act,
+                    const std::function<std::string()>& bound) {
   while (assembles(place_, candidates_.info())) {
+    use_ = {};
     try {
       Device& device = candidates_.device();
       options.maker = [&](const PatchTable& patches, const Blockers& blockers) {
-        return std::make_unique<DeviceTileMaker>(device, patches, blockers, options.budget, options.seed);
+        return std::make_unique<DeviceTiles>(device, patches, blockers, options, use_);
       };
       const double compiled_before = compile_statistics().seconds;
       AssemblyReport& report = act(options);
       report.seconds -= compile_statistics().seconds - compiled_before;
-      use_ = {candidates_.id(), FormFactorMatrix::predicted_bytes(report.row_sum.size())};
       return;
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::device) throw;  // also the host's limits, which no device can help with
+      const std::string kept = bound ? bound() : "";
+      if (!kept.empty()) {
+        std::string text = error.what();  // behind its first line may be a compiler's log
+        text.insert(std::min(text.find('\n'), text.size()), "; " + kept);
+        throw Error(error.kind(), text);
+      }
       candidates_.take().reset();
       candidates_.give_up(error);
     }
@@ -48,6 +85,11 @@ void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&
   options.maker = {};
   use_ = {};
   static_cast<void>(act(options));
+}
+
+std::uint32_t Assembler::maker() {
+  const DeviceInfo& device = candidates_.info();
+  return assembles(place_, device) ? iff::maker_of(device.backend) : iff::maker_embree;
 }
 
 FormFactors Assembler::assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink& progress) {

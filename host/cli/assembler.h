@@ -24,7 +24,7 @@ void add_assembly_option(CLI::App& command, std::string& text);
 /// Whether this device computes S. (Whether F then stays there is a matter of room and format.)
 [[nodiscard]] bool assembles(AssemblyPlace place, const DeviceInfo& device);
 
-/// Where F was assembled, in the end.
+/// Where F was assembled, in the end: the host too where nothing had to be, all of it came from a file.
 struct AssemblyUse {
   std::string device = "host";
   std::uint64_t bytes_over_bus = 0;  ///< of F or S, between host and devices, both ways
@@ -38,11 +38,16 @@ class Assembler {
   Assembler& operator=(const Assembler&) = delete;
 
   /// Calls `act` with options.maker set, and takes the compiler's time off the seconds of the report that it returns.
-  /// When the device fails, the next candidate makes the tiles, and all of them anew (but panels that options.panels
-  /// has). Throws what `act` throws, and the last candidate's Error.
-  void run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act);
+  /// When the device fails, the next candidate makes the tiles, all of them anew; unless `bound`, when it is given,
+  /// says what has been kept that no other one may go on with: the device's Error then says that, too. Throws what
+  /// `act` throws, and the last candidate's Error.
+  void run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act,
+           const std::function<std::string()>& bound = {});
   /// assemble() by it.
   [[nodiscard]] FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink& progress);
+
+  /// Who makes the tiles now, as a file of form factors has it: iff::maker_embree, ...
+  [[nodiscard]] std::uint32_t maker();
 
   [[nodiscard]] const AssemblyUse& use() const { return use_; }
   [[nodiscard]] Candidates& candidates() { return candidates_; }

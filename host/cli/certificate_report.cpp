@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 namespace interflect::cli {
 
@@ -11,12 +10,8 @@ using nlohmann::ordered_json;
 
 ordered_json moved_json(const AssemblyReport& report) {
   double worst = 0;
-  std::vector<std::uint32_t> patches;
-  for (std::uint32_t i = 0; i < report.scaling.size(); ++i) {
-    const double change = std::abs(report.scaling[i] - 1);
-    worst = std::max(worst, change);
-    if (change > moved_much) patches.push_back(i);
-  }
+  for (std::size_t i = 0; i < report.row_sum.size(); ++i) worst = std::max(worst, report.row_change(i));
+  const std::vector<std::uint32_t> patches = report.moved();
   return {{"count", patches.size()}, {"worst", worst}, {"patches", patches}};
 }
 

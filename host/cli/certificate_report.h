@@ -7,7 +7,7 @@
 
 namespace interflect::cli {
 
-/// {count, worst, patches}: the rows that the closure moved by more than moved_much, and the largest |d_i − 1|.
+/// {count, worst, patches}: AssemblyReport::moved(), and the largest AssemblyReport::row_change().
 [[nodiscard]] nlohmann::ordered_json moved_json(const AssemblyReport& report);
 
 /// {rows, off, worst: [{patch, object, group, centroid, row_sum, deviation, error, escape, back, set_aside, cause,

@@ -29,7 +29,7 @@ namespace {
 struct Options {
   SceneOptions scene;
   std::vector<std::string> outputs;
-  std::string device = "openmp";
+  std::string device = "auto";
   std::string assembly = "auto";
   bool repair = false;
   bool between = false;
@@ -173,8 +173,7 @@ Known from_scene(const Options& options, Console& progress) {
     take(known, {assemble_in_memory(loaded, options.scene, "-o FILE.iff", assembler, progress), {}});
   } else if (!fits(file, loaded, options.scene, progress)) {
     take(known, keep(file, loaded, options.scene, assembler, progress));
-  } else if (IffFile::open(file).closure() != assembly_options(options.scene).closure) {
-    progress.message(fmt::format("{}: its panels are used, the closure is found anew", file));
+  } else if (!is_closed(file, options.scene)) {
     take(known, close_again(file, loaded, options.scene, assembler, progress));
   } else {
     progress.message(fmt::format("{}: is there and fits: its form factors are used", file));

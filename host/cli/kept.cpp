@@ -27,7 +27,7 @@ iff::Shape wanted_shape(const MeshedScene& loaded, const SceneOptions& options) 
 std::string misfit(const IffFile& file, const iff::Shape& wanted, bool divide_asked, bool accuracy_asked,
                    bool seed_asked) {
   const iff::Shape& has = file.shape();
-  if (has.key.geometry != wanted.key.geometry) {
+  if (has.key.geometry != wanted.key.geometry || has.n != wanted.n) {
     if (has.two_sided != wanted.two_sided) {
       return fmt::format("it was made {} --two-sided", has.two_sided ? "with" : "without");
     }
@@ -55,9 +55,15 @@ SceneOptions as_made(const SceneOptions& options, const iff::Shape& shape) {
   return out;
 }
 
+/// Why the closure is found anew.
+std::string closure_anew(const IffFile& there, std::string_view what) {
+  const std::string& damage = there.closing_damage();
+  return fmt::format("{}: {} are used, the closure is found anew", damage.empty() ? there.name() : damage, what);
+}
+
 /// Puts the panels in the place of the matrix.
 void leave_in_file(KeptFormFactors& out, const std::string& file, std::uint64_t memory, ProgressSink& progress) {
-  out.panels = std::make_shared<IffPanels>(IffFile::open(file));
+  out.panels = std::make_shared<IffPanels>(IffFile::open_panels(file));
   out.memory = memory;
   constexpr double mebibyte = 1 << 20;
   progress.message(
@@ -67,42 +73,47 @@ void leave_in_file(KeptFormFactors& out, const std::string& file, std::uint64_t 
                   static_cast<double>(memory) / mebibyte));
 }
 
-/// The same, with who makes the panels: those of Embree and of the devices' kernels are not mixed.
-iff::Shape wanted_shape(const MeshedScene& loaded, const SceneOptions& options, Assembler& assembler) {
-  iff::Shape shape = wanted_shape(loaded, options);
-  shape.key.maker = assembles(assembler.place(), assembler.candidates().info()) ? iff::maker_device : iff::maker_embree;
-  return shape;
-}
-
+/// `shape` says what the file must be, but in the modes make and repair for who makes the panels: whoever does it in
+/// the end, for those of Embree and of the backends' kernels are not mixed.
 KeptFormFactors work_on(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
-                        const iff::Shape& shape, IffStore::Mode mode, Assembler& assembler, ProgressSink& progress) {
+                        iff::Shape shape, IffStore::Mode mode, Assembler& assembler, ProgressSink& progress) {
+  const bool computes = mode == IffStore::Mode::make || mode == IffStore::Mode::repair;
   const PatientInterrupt patient;
-  IffStore store(file, shape,
-                 {mode, PatientInterrupt::asked, [&](const std::string& line) { progress.message(line); }});
-  AssemblyOptions assembly = assembly_options(options);
-  assembly.panels = &store;
+  std::optional<IffStore> store;
+  const AssemblyOptions assembly = assembly_options(options);
   const std::optional<std::uint64_t> memory = memory_for_streaming(options, loaded.mesh.size());
   KeptFormFactors out;
   AssemblyReport& report = out.factors.report;
-  assembler.run(assembly, [&](const AssemblyOptions& with_maker) -> AssemblyReport& {
+  const auto act = [&](AssemblyOptions with_maker) -> AssemblyReport& {
+    if (computes) shape.key.maker = assembler.maker();
+    store.reset();  // lets go of the lock
+    store.emplace(file, shape, IffStore::Options{mode, PatientInterrupt::asked, [&](const std::string& line) {
+                                                   progress.message(line);
+                                                 }});
+    with_maker.panels = &*store;
     if (memory) {
-      report = assemble_into(store, loaded.mesh, with_maker, *memory, &progress);
+      report = assemble_into(*store, loaded.mesh, with_maker, *memory, &progress);
     } else {
       out.factors = assemble(loaded.mesh, with_maker, &progress);
     }
     return report;
-  });
+  };
+  const auto bound = [&] {
+    if (!store || !store->bound_to_maker()) return std::string();
+    return fmt::format("{} once the device works; without it, remove the file", store->how_to_go_on());
+  };
+  assembler.run(assembly, act, bound);
   report_warnings(report, loaded.scene.file, progress);
   const char* done = report.panels_reused == 0 ? "computed" : "continued";
-  if (mode == IffStore::Mode::repair) done = store.saved().empty() ? "nothing was damaged" : "repaired";
-  if (mode == IffStore::Mode::read) done = "closure found anew";
+  if (mode == IffStore::Mode::repair) done = store->saved().empty() ? "nothing was damaged" : "repaired";
+  if (!computes) done = "closure found anew";
   if (mode != IffStore::Mode::read) {
-    store.finish(iff_closing(loaded.mesh, loaded.scene.materials, assembly.closure, report));
+    store->finish(iff_closing(loaded.mesh, loaded.scene.materials, assembly.closure, report));
   }
   if (PatientInterrupt::asked()) {
     throw Error(ErrorKind::interrupted, fmt::format("{} is complete, and serves the same command", file));
   }
-  out.kept = kept_of(file, store.shape(), report.panels_reused, done);
+  out.kept = kept_of(file, store->shape(), report.panels_reused, done);
   if (memory) leave_in_file(out, file, *memory, progress);
   return out;
 }
@@ -137,52 +148,53 @@ Kept kept_of(const std::string& file, const iff::Shape& shape, std::uint32_t reu
 
 SceneOptions with_the_files_divide(const SceneOptions& options, const std::string& file) {
   SceneOptions out = options;
-  if (!options.divide && !options.patches && is_there(file)) out.divide = IffFile::open(file).divide();
+  if (!options.divide && !options.patches && is_there(file)) out.divide = IffFile::open_panels(file).divide();
   return out;
 }
 
 bool fits(const std::string& file, const MeshedScene& loaded, const SceneOptions& options, ProgressSink& progress) {
   if (!is_there(file)) return false;
   const std::string why =
-      misfit(IffFile::open(file), wanted_shape(loaded, options), true, true, options.seed.has_value());
+      misfit(IffFile::open_panels(file), wanted_shape(loaded, options), true, true, options.seed.has_value());
   if (!why.empty()) progress.message(fmt::format("{}: does not fit and will be replaced: {}", file, why));
   return why.empty();
 }
 
+bool is_closed(const std::string& file, const SceneOptions& options) {
+  return IffFile::open_panels(file).closed_as(assembly_options(options).closure);
+}
+
 KeptFormFactors keep(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                      Assembler& assembler, ProgressSink& progress) {
-  return work_on(file, loaded, options, wanted_shape(loaded, options, assembler), IffStore::Mode::make, assembler,
-                 progress);
+  return work_on(file, loaded, options, wanted_shape(loaded, options), IffStore::Mode::make, assembler, progress);
 }
 
 KeptFormFactors repair(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                        Assembler& assembler, ProgressSink& progress) {
-  return work_on(file, loaded, options, wanted_shape(loaded, options, assembler), IffStore::Mode::repair, assembler,
-                 progress);
+  return work_on(file, loaded, options, wanted_shape(loaded, options), IffStore::Mode::repair, assembler, progress);
 }
 
 KeptFormFactors close_again(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                             Assembler& assembler, ProgressSink& progress) {
-  const iff::Shape shape = IffFile::open(file).shape();
-  KeptFormFactors out =
-      work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::repair, assembler, progress);
-  out.kept.done = "closure found anew";
-  return out;
+  const IffFile there = IffFile::open_panels(file);
+  progress.message(closure_anew(there, "its panels"));
+  const iff::Shape& shape = there.shape();
+  return work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::close, assembler, progress);
 }
 
 KeptFormFactors form_factors_for_solve(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                                        Assembler& assembler, ProgressSink& progress) {
   if (file.empty()) return {assemble_in_memory(loaded, options, "--form-factors FILE.iff", assembler, progress), {}};
   if (!is_there(file)) return keep(file, loaded, options, assembler, progress);
-  const IffFile there = IffFile::open(file);
+  const IffFile there = IffFile::open_panels(file);
   const iff::Shape& shape = there.shape();
   // A divide that came from the file is not one that was asked for.
   const bool divide_asked = options.patches || (options.divide && *options.divide != shape.divide);
   const std::string why = misfit(there, wanted_shape(loaded, options), divide_asked, options.accuracy.has_value(),
                                  options.seed.has_value());
   if (!why.empty()) throw input_error(file, 0, fmt::format("does not fit {}: {}", loaded.scene.file, why));
-  if (there.closure() != assembly_options(options).closure) {
-    progress.message(fmt::format("{}: its form factors are used, the closure is found anew", file));
+  if (!there.closed_as(assembly_options(options).closure)) {
+    progress.message(closure_anew(there, "its form factors"));
     return work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::read, assembler, progress);
   }
   progress.message(fmt::format("{}: its form factors are used (accuracy {}, seed {})", file,

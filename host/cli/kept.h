@@ -55,7 +55,10 @@ struct KeptFormFactors {
 /// `formfactors SCENE -o FILE --repair`: computes again what is damaged in FILE.
 [[nodiscard]] KeptFormFactors repair(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                                      Assembler& assembler, ProgressSink& progress);
-/// FILE, which fits, with another closure: its panels are used and its end is written again.
+/// Whether FILE, which fits, ends with the closure that is asked for.
+[[nodiscard]] bool is_closed(const std::string& file, const SceneOptions& options);
+/// FILE, which fits, with another closure or a damaged end, as a kill leaves it that interrupts this: its panels are
+/// used and its end is written again.
 [[nodiscard]] KeptFormFactors close_again(const std::string& file, const MeshedScene& loaded,
                                           const SceneOptions& options, Assembler& assembler, ProgressSink& progress);
 

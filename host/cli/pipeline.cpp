@@ -36,9 +36,11 @@ void add_scene_options(CLI::App& command, SceneOptions& options, const std::stri
   command.add_option("--accuracy", options.accuracy,
                      "low, medium, high, or the rms error of a row sum that sampling may leave (default: medium)");
   command.add_option("--seed", options.seed, "of the visibility samples (default: 1)")->check(whole_number());
-  command.add_option("--memory", options.memory,
-                     "what the form factors may take, such as 4G (default: what is available, less a reserve); what "
-                     "exceeds it stays in the .iff file and is read for every product");
+  command
+      .add_option("--memory", options.memory,
+                  "what the form factors may take, such as 4G (default: what is available, less a reserve); what "
+                  "exceeds it stays in the .iff file and is read for every product")
+      ->check(byte_size());
   command.add_flag("--quiet", options.quiet, "no progress, no warnings; solve: no summary either");
   command.add_flag("--json-progress", options.json_progress,
                    "progress for programs: one JSON object per line on stderr (docs/progress.md)");
@@ -132,6 +134,17 @@ std::optional<std::uint64_t> memory_for_streaming(const SceneOptions& options, s
   if (needed <= available) return std::nullopt;
   const std::uint64_t beside = needed - FormFactorMatrix::predicted_bytes(patches);
   return available > beside ? (available - beside) / 8 * 7 : 0;
+}
+
+void check_memory_asked(const SceneOptions& options, std::size_t patches, const std::string& how_to_keep) {
+  if (!options.memory || !memory_for_streaming(options, patches)) return;
+  constexpr double mebibyte = 1 << 20;
+  throw Error(
+      ErrorKind::limit,
+      fmt::format("the form factors of {} patches need {:.1f} MiB, and --memory allows {}; keep them in a file, "
+                  "from where they are read for every product: {}",
+                  patches, static_cast<double>(FormFactorMatrix::predicted_bytes(patches)) / mebibyte, *options.memory,
+                  how_to_keep));
 }
 
 FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& options, ProgressSink& progress) {

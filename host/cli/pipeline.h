@@ -62,6 +62,9 @@ void report_warnings(const AssemblyReport& report, const std::string& name, Prog
 /// F fits: --memory, or what is available. Throws a usage Error for a --memory that is no size.
 [[nodiscard]] std::optional<std::uint64_t> memory_for_streaming(const SceneOptions& options, std::size_t patches);
 
+/// Throws a limit Error when F exceeds --memory where no file may keep it; `how_to_keep` says how one would.
+void check_memory_asked(const SceneOptions& options, std::size_t patches, const std::string& how_to_keep);
+
 /// Assembles F; the assembly's warnings go to the progress sink.
 [[nodiscard]] FormFactors assemble_checked(const MeshedScene& loaded, const SceneOptions& options,
                                            ProgressSink& progress);

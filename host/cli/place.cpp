@@ -14,6 +14,8 @@ namespace interflect::cli {
 
 namespace {
 
+constexpr const char* keep_in_a_file = "--form-factors FILE.iff";
+
 /// Whether F is assembled on this device and stays there.
 bool resides(AssemblyPlace place, const DeviceInfo& device, std::uint32_t n) {
   // What has no room is an Error where the device was asked for.
@@ -115,6 +117,7 @@ PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& op
   PlacedSolve out;
   const PatchMesh& mesh = loaded.mesh;
   const auto n = static_cast<std::uint32_t>(mesh.size());
+  check_memory_asked(options, n, keep_in_a_file);
   const AssemblyPlace place = assembler.place();
   Candidates& candidates = assembler.candidates();
   // Asked for the device, `auto` does not turn to a smaller format: that would be packed on the host.
@@ -125,7 +128,7 @@ PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& op
     solve_where_assembled(loaded, options, place, candidates, method, stop, progress, lamps, out);
     return out;
   }
-  out.factors = assemble_in_memory(loaded, options, "--form-factors FILE.iff", assembler, progress);
+  out.factors = assemble_in_memory(loaded, options, keep_in_a_file, assembler, progress);
   out.assembly = assembler.use();
   if (out.assembly.bytes_over_bus > 0) {
     progress.message(fmt::format("the form factors came from {} to be stored on the host", out.assembly.device));

@@ -167,6 +167,7 @@ ordered_json to_json(const SolveSummary& summary) {
                     {"upload", summary.solved->upload_seconds},
                     {"compile", kernels.seconds},
                     {"solve", report.seconds},
+                    {"estimate", summary.estimate_seconds},
                     {"write", summary.write_seconds},
                     {"total", summary.total_seconds}};
   out["closure"] = closure_json(assembled, loaded);

@@ -21,7 +21,7 @@ struct SolveSummary {
   StopTest stop;
   Energy energy;
   AssemblyUse assembly;
-  double write_seconds = 0, total_seconds = 0;
+  double estimate_seconds = 0, write_seconds = 0, total_seconds = 0;
   Kept kept = {};
   EstimatedError row_error = {}, radiosity_error = {};
 };

@@ -120,9 +120,11 @@ int run(const Options& options) {
   SolveSummary summary{&loaded,       &assembled,     &solved, options.solving.chosen_method(), options.solving.stop,
                        placed.energy, placed.assembly};
   summary.kept = placed.kept;
+  const Timer estimating;
   summary.row_error = row_sum_error(assembled.tile_variance, loaded.mesh.area);
   summary.radiosity_error =
       radiosity_error(assembled.tile_variance, loaded.mesh.area, loaded.mesh.reflectance, solved.radiosity);
+  summary.estimate_seconds = estimating.seconds();
   const Timer writing;
   write_outputs(options, loaded, placed, console);
   summary.write_seconds = writing.seconds();

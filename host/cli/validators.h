@@ -7,6 +7,9 @@
 #include <limits>
 #include <string>
 
+#include "interflect/base/error.h"
+#include "interflect/base/memory.h"
+
 namespace interflect::cli {
 
 /// A finite number above `above` and at most `most`. CLI11's own checks let NaN and wrapped negative numbers through.
@@ -53,6 +56,20 @@ template <typename T>
         return fmt::format("'{}' is not a whole number from 0 to {}", text, std::numeric_limits<std::uint64_t>::max());
       },
       "NUMBER");
+}
+
+/// What parse_bytes() takes.
+[[nodiscard]] inline CLI::Validator byte_size() {
+  return CLI::Validator(
+      [](std::string& text) {
+        try {
+          static_cast<void>(parse_bytes(text, ""));
+          return std::string{};
+        } catch (const Error&) {
+          return fmt::format("'{}' is not a size such as 4G", text);
+        }
+      },
+      "SIZE");
 }
 
 }  // namespace interflect::cli

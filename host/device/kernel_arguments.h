@@ -130,6 +130,7 @@ inline constexpr std::uint32_t patch_words = 32, tile_words = 4;
 inline constexpr std::uint32_t counters = 16, sections = 9;
 inline constexpr std::uint32_t chunk_rays = 8, chunk_words = 7, cut_pieces = 64, cut_words = 196;
 inline constexpr std::uint32_t traced_bit = 0x80000000U;
+inline constexpr std::uint32_t most_pilot = 8191;  ///< what most_in_pilot may be: a pair's state has 13 bits for it
 /// Places of the counters: three lists of pairs, two of chunks, cuts, facts.
 inline constexpr std::uint32_t lists = 0, chunks = 3, cuts = 5, considered = 6, analytic = 7, rays = 8;
 [[nodiscard]] constexpr std::uint64_t work_words(std::uint64_t tiles) {

@@ -153,6 +153,7 @@ BufferSizes assembly_needs(const LaunchShape& launch) {
   const auto a = launch.arguments<AssemblyArguments>();
   demand(a.n > 0 && a.n <= largest_n && a.tiles > 0, "no patches or no tiles");
   demand(a.items > 0, "no items");
+  demand(a.most_in_pilot <= assembly::most_pilot, "more than 8191 rays in the pilot");
   demand(a.tiles <= 0x7FFFFFFFU / (assembly::sections * assembly::tile_pairs), "too many tiles for a batch");
   const std::uint64_t pairs = std::uint64_t{a.tiles} * assembly::tile_pairs, end = std::uint64_t{a.first} + a.items;
   const std::uint64_t all = Of == Item::column || Of == Item::row ? pairs / assembly::block

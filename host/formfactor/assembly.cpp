@@ -15,6 +15,7 @@
 #include "interflect/formfactor/blockers.h"
 #include "interflect/formfactor/certificate.h"
 #include "interflect/formfactor/embree_tiles.h"
+#include "interflect/formfactor/estimate.h"
 #include "interflect/formfactor/fill.h"
 #include "interflect/formfactor/hemisphere.h"
 #include "interflect/formfactor/patch_table.h"
@@ -144,9 +145,10 @@ Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& 
   report.closed_scene =
       std::count(takes_part.begin(), takes_part.end(), true) > 0 && report.escape_fraction < closed_below;
 
-  // A tile's variance is taken as spread evenly over its rows: too little for single ones, whence the floor.
+  // To which of a tile's pairs its variance belongs is a guess: too little for single rows, whence the floor.
   const double eps = 0.5 / std::sqrt(static_cast<double>(options.budget.rays_per_factor));
-  const std::vector<double> errors = row_errors(report.tile_variance, area, eps);
+  std::vector<double> errors = row_errors(report.tile_variance, area);
+  for (double& error : errors) error = std::max(error, eps);
   report.certificate = certify(
       mesh, patches,
       {report.row_sum, errors, takes_part, shares.escape, shares.back, hemisphere_rays(n), report.escape_fraction});
@@ -175,12 +177,28 @@ Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& 
   return scaling;
 }
 
+double AssemblyReport::row_change(std::size_t i) const {
+  return row_sum_before[i] > 0 ? std::abs(row_sum[i] / row_sum_before[i] - 1) : 0;
+}
+
+std::vector<std::uint32_t> AssemblyReport::moved() const {
+  std::vector<std::uint32_t> out;
+  for (std::uint32_t i = 0; i < row_sum.size(); ++i) {
+    if (row_change(i) > moved_much) out.push_back(i);
+  }
+  return out;
+}
+
 void note_change(const PatchMesh& mesh, const Scaling& scaling, AssemblyReport& report) {
   report.closure_max_change = scaling.max_change;
-  if (scaling.moved.empty()) return;
-  report.warnings.push_back(
-      fmt::format("closure moved the factors of {} patches by more than {:.0f} %, one factor by {:.0f} %: {}",
-                  scaling.moved.size(), 100 * moved_much, 100 * scaling.max_change, where(mesh, scaling.moved)));
+  if (scaling.max_change <= moved_much) return;  // a row's change is a mean of its factors'
+  const std::vector<std::uint32_t> moved = report.moved();
+  const double much = 100 * moved_much;
+  report.warnings.push_back(fmt::format("closure moved a factor by {:.1f} %, {}", 100 * scaling.max_change,
+                                        moved.empty()
+                                            ? fmt::format("but the row sum of no patch by more than {:.0f} %", much)
+                                            : fmt::format("and the row sums of {} patches by more than {:.0f} %: {}",
+                                                          moved.size(), much, where(mesh, moved))));
 }
 
 namespace {

@@ -66,6 +66,11 @@ struct AssemblyReport {
   std::uint64_t rays = 0;              ///< shadow rays traced
   double trace_seconds = 0;            ///< of `seconds` inside Embree, a thread's share; 0 elsewhere
   double seconds = 0;
+
+  /// |row sum after / before − 1|: the mean |d_i d_j − 1| of the row's factors, by their size, where they move one way.
+  [[nodiscard]] double row_change(std::size_t i) const;
+  /// The rows that the closure moved by more than moved_much.
+  [[nodiscard]] std::vector<std::uint32_t> moved() const;
 };
 
 struct FormFactors {
@@ -96,7 +101,7 @@ struct FormFactors {
 /// makes F of S and d, and then calls note_change(). `report` has the facts of the tiles already.
 [[nodiscard]] Scaling judge(const PatchMesh& mesh, const PatchTable& patches, const Blockers& blockers,
                             const AssemblyOptions& options, const ExchangeProduct& product, AssemblyReport& report);
-/// Notes how far the scaling moved the factors, when Scaling::max_change is known.
+/// Notes how far the scaling moved the factors, when Scaling::max_change is known, and warns above moved_much.
 void note_change(const PatchMesh& mesh, const Scaling& scaling, AssemblyReport& report);
 
 /// F between groups of patches: factors[a][b] = Σ_{i∈a} Σ_{j∈b} A_i F_ij / Σ_{i∈a} A_i. Groups of obstructions have no

@@ -6,8 +6,6 @@
 #include <memory>
 #include <utility>
 
-#include "interflect/formfactor/tile_maker.h"
-
 namespace interflect {
 
 namespace {
@@ -107,34 +105,6 @@ Cause likely_cause(const RowFacts& facts) {
     if (lost > 0 && a.back + lost >= wanted) return a.back > lost ? Cause::flipped_normal : Cause::open_seam;
   }
   return a.near >= much ? Cause::coarse_mesh : Cause::unknown;
-}
-
-std::vector<double> row_errors(std::span<const float> tile_variance, const std::vector<double>& area, double floor) {
-  constexpr std::size_t block = PatchTable::block;
-  const std::size_t n = area.size(), blocks = (n + block - 1) / block;
-  if (tile_variance.size() != tiles_in_rows(0, blocks, blocks)) return std::vector<double>(n, floor);
-  std::vector<double> areas(blocks), sum(blocks), within(blocks);
-  for (std::size_t i = 0; i < n; ++i) areas[i / block] += area[i];
-  const auto count = [&](std::size_t b) { return static_cast<double>(std::min(block, n - b * block)); };
-  std::size_t tile = 0;
-  for (std::size_t r = 0; r < blocks; ++r) {
-    for (std::size_t c = r; c < blocks; ++c, ++tile) {
-      const auto variance = static_cast<double>(tile_variance[tile]);
-      if (!(variance > 0)) continue;
-      if (r == c) {
-        within[r] = variance / (count(r) * (count(r) - 1) / 2);
-      } else {
-        sum[r] += variance / (count(r) * count(c)) * areas[c];
-        sum[c] += variance / (count(r) * count(c)) * areas[r];
-      }
-    }
-  }
-  std::vector<double> out(n, floor);
-  for (std::size_t i = 0; i < n; ++i) {
-    const std::size_t b = i / block;
-    if (area[i] > 0) out[i] = std::max(floor, std::sqrt((sum[b] + within[b] * (areas[b] - area[i])) / area[i]));
-  }
-  return out;
 }
 
 Certificate certify(const PatchMesh& mesh, const PatchTable& patches, const CertificateInput& input, std::size_t most) {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -49,11 +48,6 @@ struct RowFacts {
 ///  4. Otherwise: unknown.
 [[nodiscard]] Cause likely_cause(const RowFacts& facts);
 
-/// σ of each row sum: σ_i² = Σ_j σ²(F_ij) with the variance of a tile (TileFacts::variance of all tile rows) spread
-/// evenly over its pairs; but at least `floor`, and that alone where no variance is known.
-[[nodiscard]] std::vector<double> row_errors(std::span<const float> tile_variance, const std::vector<double>& area,
-                                             double floor);
-
 /// A row of F that is off, and why.
 struct SuspectRow {
   std::uint32_t patch = 0;
@@ -78,7 +72,7 @@ struct Certificate {
 
 struct CertificateInput {
   const std::vector<double>& row_sum;      ///< before the closure
-  const std::vector<double>& error;        ///< row_errors()
+  const std::vector<double>& error;        ///< of each, as estimated
   const std::vector<bool>& takes_part;     ///< not: buried patches
   const std::vector<float>&escape, &back;  ///< HemisphereShares
   std::uint32_t rays = 1;                  ///< behind each of these shares

@@ -94,12 +94,6 @@ class Balance {
   std::uint32_t products = 0;
 };
 
-void note_moved(Scaling& scaling) {
-  for (std::uint32_t i = 0; i < scaling.d.size(); ++i) {
-    if (std::abs(scaling.d[i] - 1) > moved_much) scaling.moved.push_back(i);
-  }
-}
-
 }  // namespace
 
 Scaling scale_to_closure(const ExchangeProduct& product, const std::vector<double>& area,
@@ -126,7 +120,6 @@ Scaling scale_to_closure(const ExchangeProduct& product, const std::vector<doubl
   }
   report.iterations = balance.products - 1;
   report.residual = least;
-  note_moved(report);
   return report;
 }
 
@@ -138,7 +131,6 @@ Scaling cap_row_sums(const std::vector<double>& row_sums) {
     report.d[i] = (1 - 1e-7) / row_sums[i];
     report.iterations = 1;
   }
-  note_moved(report);
   return report;
 }
 

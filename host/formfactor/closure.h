@@ -13,12 +13,12 @@ using ExchangeProduct = std::function<std::vector<double>(const std::vector<floa
 
 /// What a scaling of S to diag(d) S diag(d) did.
 struct Scaling {
-  std::vector<double> d;             ///< positive
-  std::uint32_t iterations = 0;      ///< products with S
-  double residual = 0;               ///< largest |row sum − 1| that is left among the rows that take part
-  double max_change = 0;             ///< largest |d_i d_j − 1| over the nonzero factors: see make_form_factors()
-  std::vector<std::uint32_t> moved;  ///< the rows with |d_i − 1| above moved_much
+  std::vector<double> d;         ///< positive
+  std::uint32_t iterations = 0;  ///< products with S
+  double residual = 0;           ///< largest |row sum − 1| that is left among the rows that take part
+  double max_change = 0;         ///< largest |d_i d_j − 1| over the nonzero factors: see make_form_factors()
 };
+/// A change of a factor, or of a row's sum, that a user should know of.
 inline constexpr double moved_much = 0.05;
 
 /// Brings the row sums of F to 1 by F_ij = d_i S_ij d_j / A_i, which keeps S symmetric, non-negative and its

@@ -15,8 +15,12 @@ struct EstimatedError {
   double max = 0;
 };
 
-/// Of the row sums of F: σ_i² = Σ_j σ²(F_ij), with σ²(F_ij) = (the pair's share of the tile's variance) A_j / A_i.
-/// Throws an internal Error when the number of tiles is not that of the areas' tiles.
+/// σ_i of each row sum of F: σ_i² = Σ_j σ²(F_ij), with σ²(F_ij) = (the pair's share of the tile's variance) A_j / A_i.
+/// Throws an internal Error when the number of tiles is not that of the areas' tiles, as the functions below do. All of
+/// them give the same bits whatever the number of threads.
+[[nodiscard]] std::vector<double> row_errors(std::span<const float> tile_variance, const std::vector<double>& area);
+
+/// Over all rows.
 [[nodiscard]] EstimatedError row_sum_error(std::span<const float> tile_variance, const std::vector<double>& area);
 
 /// Of the radiosities, as a share of the largest: ρ_i δ_i / max B in the channel where it is largest, with

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <omp.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -18,10 +19,6 @@ namespace {
 
 constexpr std::string_view how_to_repair = "`--repair` computes it again";
 
-Error damaged_part(const std::string& name, std::string_view part, std::string_view what) {
-  return input_error(name, 0, fmt::format("{}: {}; {}", part, what, how_to_repair));
-}
-
 std::span<std::byte> bytes_of(std::span<float> values) {
   return std::as_writable_bytes(values);
 }
@@ -37,6 +34,14 @@ std::vector<iff::EntryBytes> iff::read_table(const Descriptor& file, const std::
 }
 
 IffFile IffFile::open(const std::filesystem::path& path) {
+  IffFile out = open_panels(path);
+  if (!out.closing_damage_.empty()) {
+    throw Error(ErrorKind::input, fmt::format("{}; {}", out.closing_damage_, how_to_repair));
+  }
+  return out;
+}
+
+IffFile IffFile::open_panels(const std::filesystem::path& path) {
   IffFile out;
   out.name_ = path.string();
   out.file_ = Descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
@@ -50,32 +55,43 @@ IffFile IffFile::open(const std::filesystem::path& path) {
   out.seed_of_checksums_ = iff::seed_of(out.shape_);
 
   const std::uint64_t end = out.shape_.closing_offset();
-  iff::ClosingBytes closing{};
-  if (bytes < end || bytes - end < sizeof closing) {
+  if (bytes < end) {
     throw input_error(out.name_, 0,
                       fmt::format("is cut short: it has {} bytes, and its {} patches need more than {}", bytes,
-                                  out.shape_.n, end + sizeof closing));
+                                  out.shape_.n, end + sizeof(iff::ClosingBytes)));
   }
   out.table_ = iff::read_table(out.file_, out.name_, out.shape_);
-  const bool there = read_at(out.file_, out.name_, end, std::as_writable_bytes(std::span(&closing, 1)));
-  if (!there || bytes - end - sizeof closing != closing.bytes) {
-    throw damaged_part(out.name_, "closing section", "its length is not that of the file's end");
+  try {
+    out.read_closing(bytes);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::input) throw;
+    out.closing_damage_ = error.what();
   }
-  constexpr std::uint64_t names_and_warnings = std::uint64_t{1} << 30, per_patch = 64;
-  if (closing.bytes > names_and_warnings + per_patch * out.shape_.n) {
-    throw damaged_part(out.name_, "closing section", "it is too long");
-  }
-  std::vector<std::byte> body(closing.bytes);
-  if (!read_at(out.file_, out.name_, end + sizeof closing, body) ||
-      iff::checksum(body, out.seed_of_checksums_) != closing.checksum) {
-    throw damaged_part(out.name_, "closing section", "checksum differs");
-  }
-  out.closing_ = iff::decode(body, out.shape_.n, out.name_);
   return out;
 }
 
+/// Of a file of so many bytes.
+void IffFile::read_closing(std::uint64_t bytes) {
+  const std::uint64_t end = shape_.closing_offset();
+  iff::ClosingBytes closing{};
+  const bool there = read_at(file_, name_, end, std::as_writable_bytes(std::span(&closing, 1)));
+  if (!there || bytes - end - sizeof closing != closing.bytes) {
+    throw input_error(name_, 0, "closing section: its length is not that of the file's end");
+  }
+  constexpr std::uint64_t names_and_warnings = std::uint64_t{1} << 30, per_patch = 64;
+  if (closing.bytes > names_and_warnings + per_patch * shape_.n) {
+    throw input_error(name_, 0, "closing section: it is too long");
+  }
+  std::vector<std::byte> body(closing.bytes);
+  if (!read_at(file_, name_, end + sizeof closing, body) ||
+      iff::checksum(body, seed_of_checksums_) != closing.checksum) {
+    throw input_error(name_, 0, "closing section: checksum differs");
+  }
+  closing_ = iff::decode(body, shape_.n, name_);
+}
+
 Error IffFile::damage(std::uint32_t panel) const {
-  return damaged_part(name_, iff::panel_name(shape_, panel), "checksum differs");
+  return input_error(name_, 0, fmt::format("{}: checksum differs; {}", iff::panel_name(shape_, panel), how_to_repair));
 }
 
 void IffFile::read_panel(std::uint32_t panel, std::span<float> rows, bool verify) const {
@@ -130,10 +146,10 @@ AssemblyReport IffFile::report() const {
 
 namespace {
 
-/// The panels, several at a time, each into where the matrix has its rows.
-void read_panels(const IffFile& file, FormFactorMatrix& s) {
+/// The panels, so many at a time, each into where the matrix has its rows.
+void read_panels(const IffFile& file, FormFactorMatrix& s, std::uint32_t at_a_time) {
   std::exception_ptr failure;
-#pragma omp parallel
+#pragma omp parallel num_threads(static_cast <int>(at_a_time))
   {
     std::vector<float> rows;
 #pragma omp for schedule(dynamic)
@@ -156,20 +172,28 @@ void read_panels(const IffFile& file, FormFactorMatrix& s) {
 
 }  // namespace
 
-FormFactors read_form_factors(const IffFile& file, std::uint64_t memory_limit) {
-  const Timer timer;
-  if (memory_limit == 0) memory_limit = available_memory();
-  const std::uint64_t needed = FormFactorMatrix::predicted_bytes(file.n()) + file.shape().panel_bytes(0);
+std::uint32_t panels_at_a_time(const IffFile& file, std::uint64_t memory_limit, std::uint32_t threads) {
+  const std::uint64_t matrix = FormFactorMatrix::predicted_bytes(file.n()), buffer = file.shape().panel_bytes(0);
+  const std::uint64_t needed = matrix + buffer;
   if (needed > memory_limit) {
     constexpr double mebibyte = 1 << 20;
     throw Error(ErrorKind::limit,
                 fmt::format("{}: its {} patches need {:.0f} MiB, and {:.0f} MiB may be used", file.name(), file.n(),
                             static_cast<double>(needed) / mebibyte, static_cast<double>(memory_limit) / mebibyte));
   }
+  return static_cast<std::uint32_t>(
+      std::min<std::uint64_t>((memory_limit - matrix) / buffer, std::min(threads, file.panels())));
+}
+
+FormFactors read_form_factors(const IffFile& file, std::uint64_t memory_limit) {
+  const Timer timer;
+  if (memory_limit == 0) memory_limit = available_memory();
+  const std::uint32_t at_a_time =
+      panels_at_a_time(file, memory_limit, static_cast<std::uint32_t>(omp_get_max_threads()));
   FormFactors out;
   out.report = file.report();
   out.matrix = FormFactorMatrix(file.n());
-  read_panels(file, out.matrix);
+  read_panels(file, out.matrix, at_a_time);
   Scaling scaling;
   scaling.d = out.report.scaling;
   make_form_factors(out.matrix, file.area(), scaling);

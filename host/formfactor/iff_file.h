@@ -36,6 +36,10 @@ class IffFile {
   /// is of another version, is shorter than it says, or when header or closing section are damaged. Damaged panels are
   /// found when they are read.
   [[nodiscard]] static IffFile open(const std::filesystem::path& path);
+  /// The same for whoever finds the closure anew: a file of which only the closing section is missing or damaged is
+  /// opened as well. closing_damage() then says so, and nothing of the closing section is known: areas are empty.
+  [[nodiscard]] static IffFile open_panels(const std::filesystem::path& path);
+  [[nodiscard]] const std::string& closing_damage() const { return closing_damage_; }
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] const iff::Shape& shape() const { return shape_; }
@@ -52,7 +56,8 @@ class IffFile {
 
   [[nodiscard]] const std::vector<double>& area() const { return closing_.area; }
   [[nodiscard]] const std::vector<double>& scaling() const { return closing_.report.scaling; }  ///< d
-  [[nodiscard]] Closure closure() const { return closing_.closure; }
+  /// Whether the closing section is sound and of this closure.
+  [[nodiscard]] bool closed_as(Closure closure) const { return closing_damage_.empty() && closing_.closure == closure; }
   [[nodiscard]] const IffClosing& closing() const { return closing_; }
   /// All that was known when the file was made, with the facts of all panels; seconds 0, panels_reused all of them.
   /// Throws an input Error that names a panel whose facts are damaged.
@@ -70,6 +75,7 @@ class IffFile {
  private:
   friend class IffStore;
   IffFile() = default;
+  void read_closing(std::uint64_t bytes);
   [[nodiscard]] Error damage(std::uint32_t panel) const;
 
   std::string name_;
@@ -78,10 +84,15 @@ class IffFile {
   std::uint64_t seed_of_checksums_ = 0;
   std::vector<iff::EntryBytes> table_;
   IffClosing closing_;
+  std::string closing_damage_;
 };
 
 /// The rows of F, with one panel in memory at a time. The file must outlive what is returned.
 [[nodiscard]] FormFactorRows rows_of(const IffFile& file);
+
+/// How many panels are read at a time, each into a buffer, where F and the buffers may have memory_limit bytes: as many
+/// as there are threads and panels, or fewer. Throws a limit Error when not even one buffer fits beside F.
+[[nodiscard]] std::uint32_t panels_at_a_time(const IffFile& file, std::uint64_t memory_limit, std::uint32_t threads);
 
 /// F in memory and its report, the same to the bit as when the file was made. Throws a limit Error, before anything is
 /// read, when more than memory_limit bytes (0: available_memory()) are needed, and what read_panel() throws.

@@ -24,6 +24,13 @@ std::uint64_t to_page(std::uint64_t bytes) {
 
 }  // namespace
 
+std::uint32_t maker_of(std::string_view backend) {
+  if (backend == "opencl") return maker_opencl;
+  if (backend == "vulkan") return maker_vulkan;
+  if (backend == "cuda") return maker_cuda;
+  throw Error(ErrorKind::internal, fmt::format("kernels of {} have no number in the file", backend));
+}
+
 std::array<std::uint64_t, 2> geometry_hash(const PatchMesh& mesh) {
   constexpr std::size_t at_a_time = 4096;
   std::vector<double> corners;

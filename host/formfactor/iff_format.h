@@ -26,15 +26,18 @@ inline constexpr std::uint32_t most_patches = 1U << 30;
 /// The version of the arithmetic behind S: raised when the same geometry, accuracy and seed give other bits.
 inline constexpr std::uint32_t algorithm = 2;
 
-inline constexpr std::uint32_t maker_embree = 0, maker_device = 1;
+inline constexpr std::uint32_t maker_embree = 0, maker_opencl = 1, maker_vulkan = 2, maker_cuda = 3;
+/// Of tiles from the kernels of a device with this DeviceInfo::backend.
+[[nodiscard]] std::uint32_t maker_of(std::string_view backend);
 
-/// What S depends on. Two files of equal keys, of the same machine, have the same panels to the bit.
+/// What S depends on. Two files of equal keys have the same panels to the bit when the same machine made them and, if
+/// kernels did, the same device with the same driver: neither is kept.
 struct Key {
   std::array<std::uint64_t, 2> geometry{};  ///< geometry_hash()
   double eps = 0;                           ///< Accuracy::eps
   std::uint64_t seed = 0;
   std::uint32_t algorithm = iff::algorithm;
-  std::uint32_t maker = maker_embree;  ///< who made the tiles: Embree or the devices' kernels
+  std::uint32_t maker = maker_embree;  ///< who made the tiles: Embree or a backend's kernels
   friend bool operator==(const Key&, const Key&) = default;
 };
 

@@ -34,6 +34,13 @@ std::filesystem::path target_of(std::filesystem::path path) {
   return path;
 }
 
+/// Whether a FILE.partial with such a header may be our own, of which the machine's fall left the beginning: not when
+/// it is of something else or of another version.
+bool may_be_torn(const iff::HeaderBytes& header) {
+  if (header.magic == std::array<char, 8>{}) return true;
+  return header.magic == iff::magic && header.version == iff::version && header.byte_order == iff::byte_order;
+}
+
 void check_replaceable(const std::filesystem::path& path) {
   std::error_code missing;
   if (!std::filesystem::exists(path, missing)) return;
@@ -62,16 +69,31 @@ iff::Shape iff_shape(const PatchMesh& mesh, double divide, bool two_sided, doubl
   return shape;
 }
 
+namespace {
+
+std::string made_by(std::uint32_t maker) {
+  switch (maker) {
+    case iff::maker_embree: return "the CPU path made it (--assembly host)";
+    case iff::maker_opencl: return "OpenCL kernels made it (--assembly device --device opencl:0, or whichever it was)";
+    case iff::maker_vulkan: return "Vulkan kernels made it (--assembly device --device vulkan:0, or whichever it was)";
+    case iff::maker_cuda: return "CUDA kernels made it (--assembly device --device cuda:0, or whichever it was)";
+    default: return "another version of the program began it";
+  }
+}
+
 std::string difference(const iff::Key& has, const iff::Key& wanted) {
-  if (has.geometry != wanted.geometry) return "its geometry is another";
   if (has.eps != wanted.eps) return fmt::format("its accuracy is {}, {} is asked", has.eps, wanted.eps);
   if (has.seed != wanted.seed) return fmt::format("its seed is {}, {} is asked", has.seed, wanted.seed);
   if (has.algorithm != wanted.algorithm) return "another version of the program began it";
-  if (has.maker != wanted.maker) {
-    return has.maker == iff::maker_embree ? "the CPU path made it (--assembly host)"
-                                          : "a device's kernels made it (--assembly device)";
-  }
-  return "";
+  return has.maker == wanted.maker ? "" : made_by(has.maker);
+}
+
+}  // namespace
+
+std::string difference(const iff::Shape& has, const iff::Shape& wanted) {
+  if (has.n != wanted.n) return fmt::format("its geometry is another: {} patches, not {}", has.n, wanted.n);
+  if (has.key.geometry != wanted.key.geometry) return "its geometry is another";
+  return difference(has.key, wanted.key);
 }
 
 IffClosing iff_closing(const PatchMesh& mesh, const std::vector<Material>& materials, Closure closure,
@@ -119,32 +141,48 @@ void IffStore::open_partial(const iff::Shape& wanted) {
       break;
     }
   }
-  const std::uint64_t bytes = size_of(file_, name_);
-  shape_ = wanted;
-  if (bytes == 0) return start();
-  try {
-    iff::HeaderBytes header{};
-    if (!read_at(file_, name_, 0, std::as_writable_bytes(std::span(&header, 1)))) {
-      throw input_error(name_, 0, "ends within its header");
-    }
-    const iff::Shape found = iff::shape_of(header, name_);
-    const std::string why = difference(found.key, wanted.key);
-    if (!why.empty()) throw input_error(name_, 0, why);
-    shape_ = found;
-    table_ = iff::read_table(file_, name_, shape_);
-  } catch (const Error& error) {
-    if (options_.say) options_.say(fmt::format("{}: started anew", error.what()));
-    shape_ = wanted;
-    return start();
+  if (size_of(file_, name_) == 0) {
+    start(wanted);
+  } else {
+    go_on(wanted);
   }
-  seed_ = iff::seed_of(shape_);
   if (options_.say && kept() > 0) {
     options_.say(fmt::format("{}: going on after {} of {} panels", name_, kept(), shape_.panels()));
   }
 }
 
+/// With what FILE.partial has. Finished panels and what is not our own are not thrown away.
+void IffStore::go_on(const iff::Shape& wanted) {
+  const auto start_anew = [&](std::string_view why) {
+    if (options_.say) options_.say(fmt::format("{}: started anew", why));
+    start(wanted);
+  };
+  iff::HeaderBytes header{};
+  try {
+    if (!read_at(file_, name_, 0, std::as_writable_bytes(std::span(&header, 1)))) {
+      throw input_error(name_, 0, "ends within its header");
+    }
+    shape_ = iff::shape_of(header, name_);
+    seed_ = iff::seed_of(shape_);
+    table_ = iff::read_table(file_, name_, shape_);
+  } catch (const Error& error) {
+    if (!may_be_torn(header))
+      throw Error(error.kind(), fmt::format("{}; remove it, or give another name", error.what()));
+    if (!restore_header(wanted)) start_anew(error.what());
+    return;
+  }
+  const std::string why = difference(shape_, wanted);
+  if (why.empty()) return;
+  if (kept() == 0) return start_anew(fmt::format("{}: {}", name_, why));
+  throw input_error(name_, 0,
+                    fmt::format("{}; {} of its {} panels are finished: give the options that it was begun with, or "
+                                "remove it",
+                                why, kept(), shape_.panels()));
+}
+
 /// An empty file with its header and a table in which nothing is finished.
-void IffStore::start() {
+void IffStore::start(const iff::Shape& wanted) {
+  shape_ = wanted;
   if (::ftruncate(file_.get(), 0) != 0) throw file_error(name_, "write", errno);
   seed_ = iff::seed_of(shape_);
   table_.assign(shape_.panels(), {});
@@ -155,29 +193,42 @@ void IffStore::start() {
   sync();
 }
 
+/// Where an entry proves that the file had the header of `wanted`, writes that header again.
+bool IffStore::restore_header(const iff::Shape& wanted) {
+  if (size_of(file_, name_) < wanted.data_offset()) return false;
+  shape_ = wanted;
+  seed_ = iff::seed_of(wanted);
+  table_ = iff::read_table(file_, name_, wanted);
+  if (kept() == 0) return false;
+  const iff::HeaderBytes header = iff::header_of(wanted);
+  write_at(file_, name_, 0, bytes_of(header));
+  return true;
+}
+
 void IffStore::open_complete(const iff::Shape& wanted) {
   name_ = path_.string();
   const int how = options_.mode == Mode::read ? O_RDONLY : O_RDWR;
   file_ = Descriptor(::open(name_.c_str(), how | O_CLOEXEC | O_NONBLOCK));
   if (!file_) throw file_error(name_, "open", errno);
   const std::uint64_t bytes = size_of(file_, name_);
-  if (options_.mode == Mode::repair) lock();
-  shape_ = wanted;
+  if (options_.mode != Mode::read) lock();
   iff::HeaderBytes header{};
-  bool sound = false;
   try {
     if (bytes < sizeof header || !read_at(file_, name_, 0, std::as_writable_bytes(std::span(&header, 1)))) {
       throw input_error(name_, 0, "ends within its header");
     }
     shape_ = iff::shape_of(header, name_);
-    sound = true;
   } catch (const Error& error) {
-    if (options_.mode == Mode::read) throw;
+    if (options_.mode != Mode::repair) throw;
+    if (!restore_header(wanted)) {
+      throw Error(ErrorKind::input, fmt::format("{}; no panel in it is of this scene with these options (--accuracy, "
+                                                "--seed, --divide, --assembly): it is left as it is",
+                                                error.what()));
+    }
     if (options_.say) options_.say(fmt::format("{}: its header is written again", error.what()));
-    header = iff::header_of(shape_);
-    write_at(file_, name_, 0, bytes_of(header));
+    return;
   }
-  const std::string why = sound ? difference(shape_.key, wanted.key) : "";
+  const std::string why = difference(shape_, wanted);
   if (!why.empty()) throw input_error(name_, 0, fmt::format("does not fit: {}", why));
   seed_ = iff::seed_of(shape_);
   if (options_.mode == Mode::repair && bytes < shape_.data_offset() &&
@@ -194,7 +245,13 @@ std::uint32_t IffStore::kept() const {
   return count;
 }
 
+bool IffStore::bound_to_maker() const {
+  wait();
+  return options_.mode == Mode::repair || (options_.mode == Mode::make && kept() > 0);
+}
+
 std::string IffStore::how_to_go_on() const {
+  wait();
   return fmt::format("{} of {} panels are kept in {}, and the same command goes on from there", kept(), shape_.panels(),
                      name_);
 }
@@ -222,7 +279,7 @@ bool IffStore::read(std::uint32_t panel) const {
 bool IffStore::has(std::uint32_t panel) const {
   const bool there = read(panel);
   if (there) return true;
-  if (options_.mode == Mode::read) {
+  if (options_.mode == Mode::read || options_.mode == Mode::close) {
     throw input_error(
         name_, 0, fmt::format("{}: checksum differs; `--repair` computes it again", iff::panel_name(shape_, panel)));
   }
@@ -251,7 +308,7 @@ TileFacts IffStore::load(std::uint32_t panel, FormFactorMatrix& s) {
   if (held_ != panel && !read(panel)) {
     throw Error(ErrorKind::internal, fmt::format("{}: panel {} was asked for and is not there", name_, panel));
   }
-  if (s.stride() != shape_.stride()) throw Error(ErrorKind::internal, "a matrix of another size");
+  if (s.size() != shape_.n) throw Error(ErrorKind::internal, "a matrix of another size");
   check_symmetry(panel, s);
   for (std::uint32_t k = 0; k < shape_.rows(panel); ++k) {
     const auto row = std::span(rows_).subspan(std::size_t{k} * shape_.stride(), shape_.n);
@@ -259,6 +316,13 @@ TileFacts IffStore::load(std::uint32_t panel, FormFactorMatrix& s) {
   }
   const iff::EntryBytes& entry = table_[panel];
   return {entry.pairs, entry.analytic, entry.rays, 0, variance_};
+}
+
+Error IffStore::comes_out_otherwise(std::uint32_t panel) const {
+  return input_error(name_, 0,
+                     fmt::format("{} comes out otherwise than when the file was made (by another machine, device or "
+                                 "driver?): remove the file, and compute it anew",
+                                 iff::panel_name(shape_, panel)));
 }
 
 /// A panel that was computed again must agree with the mirror image that a later one has of it: S stays symmetric.
@@ -270,10 +334,7 @@ void IffStore::check_symmetry(std::uint32_t panel, const FormFactorMatrix& s) co
       const std::uint32_t j = shape_.first(panel) + k;
       for (std::uint32_t i = shape_.first(again); i < shape_.first(again) + shape_.rows(again); ++i) {
         if (row[i] == s.row(j)[i]) continue;  // the mirror image is there: `again` comes before `panel`
-        throw input_error(name_, 0,
-                          fmt::format("{} comes out otherwise than when the file was made (by another machine?): "
-                                      "remove the file, and compute it anew",
-                                      iff::panel_name(shape_, again)));
+        throw comes_out_otherwise(again);
       }
     }
   }
@@ -299,7 +360,7 @@ void IffStore::prepare(std::uint32_t panel) {
 }
 
 void IffStore::save(std::uint32_t panel, const FormFactorMatrix& s, const TileFacts& facts) {
-  if (facts.variance.size() != shape_.variances(panel) || s.stride() != shape_.stride()) {
+  if (facts.variance.size() != shape_.variances(panel) || s.size() != shape_.n) {
     throw Error(ErrorKind::internal, fmt::format("{}: panel {} has facts of another shape", name_, panel));
   }
   wait();
@@ -309,21 +370,20 @@ void IffStore::save(std::uint32_t panel, const FormFactorMatrix& s, const TileFa
     const auto to = std::span(rows_).subspan(std::size_t{k} * shape_.stride(), shape_.stride());
     std::fill(std::copy(row.begin(), row.end(), to.begin()), to.end(), 0.0F);
   }
+  const iff::EntryBytes entry = entry_of(panel, facts);
+  if (options_.mode == Mode::repair) check_same(entry);
   writing_ = panel;
   saved_.push_back(panel);
-  pending_ = std::async(std::launch::async, [this, panel, facts] { write(panel, facts); });
+  pending_ = std::async(std::launch::async, [this, entry, variance = facts.variance] { write(entry, variance); });
   if (!options_.stop || !options_.stop()) return;
   wait();
   throw Error(ErrorKind::interrupted, how_to_go_on());
 }
 
-/// Data, then the entry that makes it count. Runs beside the next panel's computation.
-void IffStore::write(std::uint32_t panel, const TileFacts& facts) {
+/// Of the panel in rows_.
+iff::EntryBytes IffStore::entry_of(std::uint32_t panel, const TileFacts& facts) const {
   const auto rows = std::as_bytes(std::span(rows_).first(shape_.panel_bytes(panel) / sizeof(float)));
   const auto variance = std::as_bytes(std::span(facts.variance));
-  write_at(file_, name_, shape_.panel_offset(panel), rows);
-  write_at(file_, name_, shape_.variance_offset(panel), variance);
-  sync();
   iff::EntryBytes entry{};
   entry.state = iff::state_finished;
   entry.panel = panel;
@@ -332,9 +392,43 @@ void IffStore::write(std::uint32_t panel, const TileFacts& facts) {
   entry.pairs = facts.pairs_considered;
   entry.analytic = facts.pairs_analytic;
   entry.rays = facts.rays;
-  entry = iff::sealed(entry, seed_);
-  write_at(file_, name_, iff::Shape::table_offset() + panel * sizeof entry, bytes_of(entry));
-  table_[panel] = entry;
+  return iff::sealed(entry, seed_);
+}
+
+/// Where the entry of a damaged panel is sound, it says what the panel must be again.
+void IffStore::check_same(const iff::EntryBytes& entry) const {
+  const iff::EntryBytes& before = table_[entry.panel];
+  if (!iff::valid(before, entry.panel, seed_)) return;
+  if (before.rows_checksum != entry.rows_checksum || before.variance_checksum != entry.variance_checksum) {
+    throw comes_out_otherwise(entry.panel);
+  }
+}
+
+/// Whether no panel behind this one counts.
+bool IffStore::last_valid(std::uint32_t panel) const {
+  for (std::uint32_t later = panel + 1; later < shape_.panels(); ++later) {
+    if (iff::valid(table_[later], later, seed_)) return false;
+  }
+  return true;
+}
+
+/// Data, then the entry that makes it count: at once, unless panels behind that count have yet to agree with it
+/// (check_symmetry). Runs beside the next panel's computation.
+void IffStore::write(const iff::EntryBytes& entry, const std::vector<float>& variance) {
+  const auto rows = std::span(rows_).first(shape_.panel_bytes(entry.panel) / sizeof(float));
+  write_at(file_, name_, shape_.panel_offset(entry.panel), std::as_bytes(rows));
+  write_at(file_, name_, shape_.variance_offset(entry.panel), std::as_bytes(std::span(variance)));
+  sync();
+  if (options_.mode == Mode::repair && !last_valid(entry.panel)) {
+    unproven_.push_back(entry);
+  } else {
+    write(entry);
+  }
+}
+
+void IffStore::write(const iff::EntryBytes& entry) {
+  write_at(file_, name_, iff::Shape::table_offset() + entry.panel * sizeof entry, bytes_of(entry));
+  table_[entry.panel] = entry;
 }
 
 /// Until the panel that is being written has reached the file.
@@ -359,6 +453,9 @@ bool IffStore::closes_with(const iff::ClosingBytes& front, std::span<const std::
 
 void IffStore::finish(const IffClosing& closing) {
   wait();
+  if (options_.mode == Mode::read) throw Error(ErrorKind::internal, fmt::format("{} was opened to be read", name_));
+  for (const iff::EntryBytes& entry : unproven_) write(entry);  // all panels have been seen
+  unproven_.clear();
   if (kept() != shape_.panels()) {
     throw Error(ErrorKind::internal, fmt::format("{}: {} panels are missing", name_, shape_.panels() - kept()));
   }
@@ -366,7 +463,7 @@ void IffStore::finish(const IffClosing& closing) {
   const auto bytes = std::as_bytes(std::span(body.data(), body.size()));
   const iff::ClosingBytes front{bytes.size(), iff::checksum(bytes, seed_)};
   const std::uint64_t begin = shape_.closing_offset();
-  if (options_.mode == Mode::repair && closes_with(front, bytes)) return;
+  if (options_.mode != Mode::make && closes_with(front, bytes)) return;
   try {
     write_at(file_, name_, begin, bytes_of(front));
     write_at(file_, name_, begin + sizeof front, bytes);

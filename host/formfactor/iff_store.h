@@ -25,9 +25,9 @@ namespace interflect {
 [[nodiscard]] IffClosing iff_closing(const PatchMesh& mesh, const std::vector<Material>& materials, Closure closure,
                                      AssemblyReport report);
 
-/// What keeps panels of the one key from serving the other, in words: "its geometry is another", "its accuracy is 0.02,
+/// What keeps panels of the one from serving the other, in words: "its geometry is another", "its accuracy is 0.02,
 /// 0.005 is asked". Empty when nothing does.
-[[nodiscard]] std::string difference(const iff::Key& has, const iff::Key& wanted);
+[[nodiscard]] std::string difference(const iff::Shape& has, const iff::Shape& wanted);
 
 /// Keeps panels in a file, each written while the next one is computed. A process that is killed at any moment leaves
 /// what is finished, and the next one goes on there; the complete file has the same bytes. Another process that writes
@@ -35,17 +35,20 @@ namespace interflect {
 class IffStore final : public PanelStore {
  public:
   enum class Mode {
-    make,    ///< writes FILE.partial, continued where it fits and started anew where not; finish() renames it
+    make,    ///< writes FILE.partial, continued where it fits; finish() renames it
     repair,  ///< works on FILE itself: damaged panels count as not there, finish() writes the closing section again
-    read,    ///< only gives the panels of FILE; a damaged one is an Error
+    close,   ///< gives the panels of FILE, a damaged one is an Error; finish() writes the closing section again
+    read,    ///< gives the panels of FILE, a damaged one is an Error; finish() must not be called
   };
   struct Options {
     Mode mode = Mode::make;
     std::function<bool()> stop = {};                   ///< asked after each panel; true: save() throws interrupted
     std::function<void(const std::string&)> say = {};  ///< what the user should know: started anew, continued
   };
-  /// Throws an input Error when the file cannot be written to (a folder, read-only, another process at work) or, in
-  /// the modes repair and read, does not fit `wanted`; a limit Error when the disk is full.
+  /// Throws an input Error when the file cannot be written to (a folder, read-only, another process at work), when it
+  /// does not fit `wanted` (a FILE.partial without a finished panel is started anew instead), or when FILE.partial, or
+  /// FILE in repair, is not known to be a file of form factors: it is left as it is. A limit Error when the disk is
+  /// full.
   IffStore(const std::filesystem::path& file, const iff::Shape& wanted, Options options);
   ~IffStore() override;
 
@@ -61,6 +64,13 @@ class IffStore final : public PanelStore {
   /// The panels that have been saved since the store was opened.
   [[nodiscard]] const std::vector<std::uint32_t>& saved() const { return saved_; }
 
+  /// "3 of 26 panels are kept in FILE.partial, and the same command goes on from there": what this process leaves when
+  /// it ends now, with the panel in hand finished.
+  [[nodiscard]] std::string how_to_go_on() const;
+  /// Whether what is finished fits only the maker in `wanted`: not while FILE.partial has no panel, nor where none is
+  /// computed.
+  [[nodiscard]] bool bound_to_maker() const;
+
   /// Writes the closing section; the file is complete, under its name and on the disk when this returns. Every panel
   /// must be there. Throws as save().
   void finish(const IffClosing& closing);
@@ -69,15 +79,21 @@ class IffStore final : public PanelStore {
   void open_partial(const iff::Shape& wanted);
   void open_complete(const iff::Shape& wanted);
   void lock();
-  void start();
+  void go_on(const iff::Shape& wanted);
+  void start(const iff::Shape& wanted);
+  [[nodiscard]] bool restore_header(const iff::Shape& wanted);
   [[nodiscard]] bool read(std::uint32_t panel) const;
   void check_symmetry(std::uint32_t panel, const FormFactorMatrix& s) const;
   void sync();
-  void write(std::uint32_t panel, const TileFacts& facts);
+  [[nodiscard]] iff::EntryBytes entry_of(std::uint32_t panel, const TileFacts& facts) const;
+  void check_same(const iff::EntryBytes& entry) const;
+  [[nodiscard]] bool last_valid(std::uint32_t panel) const;
+  void write(const iff::EntryBytes& entry, const std::vector<float>& variance);
+  void write(const iff::EntryBytes& entry);
   void wait() const;
   [[nodiscard]] bool closes_with(const iff::ClosingBytes& front, std::span<const std::byte> body) const;
   [[nodiscard]] Error no_room(const Error& cause, std::uint32_t panel) const;
-  [[nodiscard]] std::string how_to_go_on() const;
+  [[nodiscard]] Error comes_out_otherwise(std::uint32_t panel) const;
   [[nodiscard]] std::uint32_t kept() const;
 
   std::filesystem::path path_;  ///< the final name
@@ -88,6 +104,7 @@ class IffStore final : public PanelStore {
   std::uint64_t seed_ = 0;
   std::vector<iff::EntryBytes> table_;
   std::vector<std::uint32_t> saved_;
+  std::vector<iff::EntryBytes> unproven_;  ///< of repaired panels: they count once all panels behind have agreed
   // The panel that was read last: has() looks at it, load() takes it; save() writes from there.
   mutable std::vector<float> rows_, variance_;
   mutable std::uint32_t held_;

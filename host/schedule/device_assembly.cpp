@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <exception>
 #include <functional>
 #include <map>
 #include <numeric>
@@ -39,7 +40,7 @@ class Pace {
     const double ratio = std::clamp(seconds_ / std::max(seconds, 1e-6), 0.25, 4.0);
     items_ = static_cast<std::uint32_t>(std::clamp(static_cast<double>(items) * ratio, 1.0, 1e9));
   }
-  void halve() { items_ = std::max(1U, items() / 2); }
+  void halve(std::uint32_t items) { items_ = std::max(1U, items / 2); }
 
  private:
   double seconds_;
@@ -122,7 +123,7 @@ class DeviceAssembly::Impl {
   std::map<std::string_view, std::unique_ptr<Kernel>> kernels_;
   std::unique_ptr<Buffer> patches_, nodes_, leaves_, tiles_, work_, extra_;
   std::uint32_t most_tiles_ = 0;
-  Pace pilot_{0, 0, 0}, listed_{0, 0, 0};
+  Pace pilot_{0, 0, 0}, listed_{0, 0, 0}, batches_{0, 0, 0};
 };
 
 /// Scratch for batches of tiles: half for the pairs, half for lists of rays, at least what one tile may need.
@@ -131,6 +132,11 @@ void DeviceAssembly::Impl::reserve() {
   const std::uint64_t of_tile = assembly::work_words(1) * 4;
   most_tiles_ = static_cast<std::uint32_t>(std::max<std::uint64_t>(1, bytes / of_tile));
   if (pace_.most_tiles != 0) most_tiles_ = std::min(most_tiles_, pace_.most_tiles);
+  // The counter of a list goes on where there is no room, and has 32 bits for the rays of all pairs of a batch, whole
+  // or in pieces that each begin a chunk.
+  const std::uint64_t listed_of_pair = arguments_.most / assembly::chunk_rays + assembly::cut_pieces;
+  const std::uint64_t countable = 0xFFFFFFFFU / (pairs_of_tile * listed_of_pair);
+  most_tiles_ = static_cast<std::uint32_t>(std::clamp<std::uint64_t>(countable, 1, most_tiles_));
   arguments_.cuts = 4 * pairs_of_tile;
   const std::uint64_t cut_bytes = assembly::extra_words(0, arguments_.cuts) * 4;
   const std::uint64_t room = bytes > 2 * cut_bytes ? bytes - cut_bytes : 0;
@@ -138,18 +144,22 @@ void DeviceAssembly::Impl::reserve() {
   if (arguments_.chunks < 64 * pairs_of_tile) {
     refuse(device_.info().id, "assembly", fmt::format("its largest buffer is {} bytes", bytes));
   }
+  if (pace_.most_chunks != 0) arguments_.chunks = std::min(arguments_.chunks, pace_.most_chunks);
   tiles_ = device_.allocate(std::size_t{most_tiles_} * sizeof(DeviceTile));
   work_ = device_.allocate(assembly::work_words(most_tiles_) * 4);
   extra_ = device_.allocate(assembly::extra_words(arguments_.chunks, arguments_.cuts) * 4);
   pilot_ = Pace(pace_.launch_seconds, 4096, 1U << 30U);
   listed_ = Pace(pace_.launch_seconds, 1024, 1U << 30U);
+  batches_ = Pace(pace_.launch_seconds, pace_.first_tiles, most_tiles_);
 }
 
 void DeviceAssembly::Impl::launch(const char* name, std::uint32_t items, std::uint32_t option, std::uint32_t first,
                                   Buffer* panel) {
   if (items == 0) return;
   const DeviceInfo& info = device_.info();
-  const std::uint32_t of_group = info.emulated() ? 64 : 256;
+  // lavapipe ends an invocation's loops after 65,535 rounds in all, and a pair may have 8,192 chunks to list or add up.
+  const bool long_lists = arguments_.most > RayBudget{}.most;
+  const std::uint32_t of_group = !info.emulated() ? 256 : long_lists ? 8 : 64;
   AssemblyArguments arguments = arguments_;
   arguments.option = option;
   Buffer* const buffers[] = {patches_.get(), tiles_.get(), work_.get(), extra_.get(), panel, nullptr};
@@ -238,11 +248,10 @@ DeviceAssemblyFacts DeviceAssembly::Impl::run(std::size_t first, std::size_t end
       device_tiles(table_, blockers_, static_cast<double>(arguments_.lift), static_cast<std::uint32_t>(first),
                    static_cast<std::uint32_t>(end));
   progress.advance(all - tiles.size());
-  Pace batches(pace_.launch_seconds, pace_.first_tiles, most_tiles_);
   std::vector<float> rows;
   std::vector<DeviceTile> batch;
   for (std::size_t done = 0; done < tiles.size();) {
-    const std::size_t count = std::min<std::size_t>(batches.items(), tiles.size() - done);
+    const std::size_t count = std::min<std::size_t>(batches_.items(), tiles.size() - done);
     const auto from = tiles.begin() + static_cast<std::ptrdiff_t>(done);
     batch.assign(from, from + static_cast<std::ptrdiff_t>(count));
     // Tiles that need rays first, so that the others' pairs are not looked at.
@@ -250,8 +259,11 @@ DeviceAssemblyFacts DeviceAssembly::Impl::run(std::size_t first, std::size_t end
                           [](const DeviceTile& t) { return t.row >= assembly::traced_bit; });
     const Timer of_batch;
     if (!compute(batch)) {
-      if (count == 1) refuse(device_.info().id, "assembly", "no room for the rays of a single tile");
-      batches.halve();
+      if (count == 1) {
+        refuse(device_.info().id, "assembly",
+               "no room for the rays of a single tile: use a coarser --accuracy, or --assembly host");
+      }
+      batches_.halve(static_cast<std::uint32_t>(count));
       continue;
     }
     take(batch);
@@ -259,7 +271,7 @@ DeviceAssemblyFacts DeviceAssembly::Impl::run(std::size_t first, std::size_t end
     const std::uint64_t behind = assembly::counters + std::uint64_t{count} * pairs_of_tile * assembly::sections;
     queue_.download(*work_, behind * sizeof(float), std::as_writable_bytes(std::span(rows)));
     const Counters found = counters();
-    batches.took(static_cast<std::uint32_t>(count), of_batch.seconds());
+    batches_.took(static_cast<std::uint32_t>(count), of_batch.seconds());
     facts.pairs_considered += found[assembly::considered];
     facts.pairs_analytic += found[assembly::analytic];
     facts.rays += found[assembly::rays];
@@ -287,11 +299,21 @@ TileFacts DeviceAssembly::make(std::size_t first, std::size_t end, const TileSin
   const auto give = [&](std::span<const DeviceTile> tiles) {
     s.resize(tiles.size() * pairs_of_tile);
     impl_->download(s);
+    downloaded_bytes_ += s.size() * sizeof(float);
+    std::exception_ptr failure;
+    // Of few tiles by this thread alone: others would take cores from a CPU device while they wait for more.
+#pragma omp parallel for schedule(dynamic, 8) if (tiles.size() >= 1024)
     for (std::size_t t = 0; t < tiles.size(); ++t) {
       const auto of_tile = std::span<const float>(s).subspan(t * pairs_of_tile, pairs_of_tile);
       if (std::all_of(of_tile.begin(), of_tile.end(), [](float x) { return x == 0; })) continue;
-      sink(tiles[t].row & ~assembly::traced_bit, tiles[t].column, of_tile);
+      try {
+        sink(tiles[t].row & ~assembly::traced_bit, tiles[t].column, of_tile);
+      } catch (...) {  // no exception may leave the region
+#pragma omp critical(interflect_device_assembly)
+        failure = std::current_exception();
+      }
     }
+    if (failure) std::rethrow_exception(failure);
   };
   DeviceAssemblyFacts facts = impl_->run(first, end, give, progress);
   return {.pairs_considered = facts.pairs_considered,

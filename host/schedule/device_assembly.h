@@ -34,6 +34,7 @@ struct DevicePace {
   double launch_seconds = 0.05;    ///< aimed at for a batch of tiles, and for a launch of rays
   std::uint32_t first_tiles = 16;  ///< of the first batch
   std::uint32_t most_tiles = 0;    ///< of any batch; 0: what 128 MiB of scratch hold
+  std::uint32_t most_chunks = 0;   ///< of up to 8 rays, that a batch may list; 0: what 128 MiB of scratch hold
 };
 
 /// The assembly of S on one device: the same algorithm and samples as PairTile, in single precision
@@ -46,9 +47,11 @@ class DeviceAssembly final : public TileMaker {
                  std::uint64_t seed, const DevicePace& pace = {});
   ~DeviceAssembly() override;
 
-  /// S by tiles to the host.
+  /// S by tiles to the host, batch by batch.
   [[nodiscard]] TileFacts make(std::size_t first, std::size_t end, const TileSink& sink,
                                ProgressSink& progress) override;
+  /// Bytes of S that make() has brought to the host so far.
+  [[nodiscard]] std::uint64_t downloaded_bytes() const { return downloaded_bytes_; }
 
   /// S_ij for the pairs i < j of the tiles (r, c), first <= r < end, c >= r: S_ij and S_ji go wherever a panel has the
   /// row, `stride` floats (a multiple of 16, at least the number of patches) from row to row. What is 0 (the diagonal,
@@ -60,6 +63,7 @@ class DeviceAssembly final : public TileMaker {
  private:
   class Impl;
   std::unique_ptr<Impl> impl_;
+  std::uint64_t downloaded_bytes_ = 0;
 };
 
 /// DeviceAssembly::into() once.

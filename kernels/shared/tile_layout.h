@@ -22,9 +22,9 @@
 
 #define STATE_KIND 7u
 #define STATE_PILOT_SHIFT 3u
-#define STATE_PILOT 127u
-#define STATE_MORE 1024u
-#define STATE_CUT 2048u
+#define STATE_PILOT 8191u  // assembly::most_pilot
+#define STATE_MORE 65536u
+#define STATE_CUT 131072u
 
 // extra: chunks of rays, then cuts of pairs into pieces.
 #define CHUNK_RAYS 8u

@@ -12,12 +12,14 @@
 
 #include "backends/devices.h"
 #include "device/kernel_folder.h"
+#include "formfactor/meshes.h"
 #include "interflect/base/error.h"
 #include "interflect/formfactor/pair_tile.h"
 #include "interflect/schedule/check_assembly.h"
 #include "interflect/schedule/device_assembly.h"
 #include "interflect/solver/solver.h"
 #include "sanitized.h"
+#include "schedule/counting_device.h"
 
 namespace interflect {
 namespace {
@@ -25,7 +27,8 @@ namespace {
 constexpr std::uint64_t seed = 1;
 
 struct Scenery {
-  explicit Scenery(const std::string& scene, double divide)
+  explicit Scenery(PatchMesh made) : mesh(std::move(made)) {}
+  Scenery(const std::string& scene, double divide)
       : mesh(subdivide(read_scene(std::string(INTERFLECT_SOURCE_DIR) + "/scenes/" + scene), {.divide = divide})) {}
   PatchMesh mesh;
   PatchTable patches{mesh};
@@ -37,7 +40,7 @@ using Matrix = std::vector<float>;  ///< n x n, dense
 
 /// S on a device, in panels of so many rows (0: one panel), a stride of 16 or more beyond n.
 Matrix on_device(Device& device, const Scenery& scene, const DevicePace& pace = {}, std::uint32_t panel_rows = 0,
-                 DeviceAssemblyFacts* facts = nullptr) {
+                 DeviceAssemblyFacts* facts = nullptr, const RayBudget& budget = {}) {
   const auto n = static_cast<std::uint32_t>(scene.size()), stride = (n / 16 + 1) * 16;
   if (panel_rows == 0) panel_rows = n;
   std::vector<std::unique_ptr<Buffer>> buffers;
@@ -48,7 +51,7 @@ Matrix on_device(Device& device, const Scenery& scene, const DevicePace& pace = 
     panels.push_back({first, rows, buffers.back().get()});
   }
   ProgressSink silent;
-  const auto found = assemble_on(device, scene.patches, scene.blockers, {}, seed, panels, stride, 0,
+  const auto found = assemble_on(device, scene.patches, scene.blockers, budget, seed, panels, stride, 0,
                                  static_cast<std::uint32_t>(scene.patches.blocks()), silent, pace);
   if (facts != nullptr) *facts = found;
   Matrix s(std::size_t{n} * n), rows;
@@ -64,10 +67,10 @@ Matrix on_device(Device& device, const Scenery& scene, const DevicePace& pace = 
   return s;
 }
 
-Matrix through_embree(const Scenery& scene, TileFacts& facts) {
+Matrix through_embree(const Scenery& scene, TileFacts& facts, const RayBudget& budget) {
   const std::size_t n = scene.size(), blocks = scene.patches.blocks();
   Matrix s(n * n);
-  PairTile tile(scene.patches, scene.blockers, seed);
+  PairTile tile(scene.patches, scene.blockers, seed, budget);
   for (std::size_t r = 0; r < blocks; ++r) {
     for (std::size_t c = r; c < blocks; ++c) {
       const bool any = tile.compute(r, c);
@@ -159,11 +162,11 @@ std::vector<float> light(const Scenery& scene, const Matrix& s) {
   return radiosity.at(0);
 }
 
-void compare(Device& device, const char* file, double divide, double row_sum, double share) {
-  const Scenery scene(file, divide);
+void compare(Device& device, const char* name, const Scenery& scene, double row_sum, double share,
+             const RayBudget& budget = {}) {
   TileFacts facts;
   DeviceAssemblyFacts found;
-  const Matrix reference = through_embree(scene, facts), s = on_device(device, scene, {}, 0, &found);
+  const Matrix reference = through_embree(scene, facts, budget), s = on_device(device, scene, {}, 0, &found, budget);
   const Difference off = difference(scene, s, reference);
   const std::vector<float> expected = light(scene, reference), own = light(scene, s);
   double largest = 0, light_off = 0;
@@ -173,7 +176,7 @@ void compare(Device& device, const char* file, double divide, double row_sum, do
   }
   std::printf(
       "%s, %s: row sums differ by %.1e, radiosities by %.1e of the largest, %.1e of the pairs beyond rounding\n",
-      device.info().id.c_str(), file, off.row_sum, light_off / largest, off.beyond_rounding);
+      device.info().id.c_str(), name, off.row_sum, light_off / largest, off.beyond_rounding);
   EXPECT_LE(off.row_sum, row_sum);
   EXPECT_LE(off.beyond_rounding, share);
   EXPECT_TRUE(off.symmetric);
@@ -185,7 +188,7 @@ void compare(Device& device, const char* file, double divide, double row_sum, do
   EXPECT_NEAR(about(found.rays), about(facts.rays), 1e-2 * about(facts.rays));
   ASSERT_EQ(found.tile_variance.size(), facts.variance.size());
   const auto sum = [](const std::vector<float>& all) { return std::accumulate(all.begin(), all.end(), 0.0); };
-  std::printf("%s, %s: variance %.4e, through Embree %.4e\n", device.info().id.c_str(), file, sum(found.tile_variance),
+  std::printf("%s, %s: variance %.4e, through Embree %.4e\n", device.info().id.c_str(), name, sum(found.tile_variance),
               sum(facts.variance));
   EXPECT_GT(sum(facts.variance), 0);
   EXPECT_NEAR(sum(found.tile_variance), sum(facts.variance), 0.03 * sum(facts.variance));
@@ -193,11 +196,17 @@ void compare(Device& device, const char* file, double divide, double row_sum, do
 
 // Measured: row sums 1.1e-6 and 1.0e-4, radiosities 2.7e-6 in the room, 6e-4 of its pairs.
 TEST_P(AssemblyOnDevice, IsThatThroughEmbreeButForGrazingRaysInTheCornellBox) {
-  compare(*device, "cornell-box.obj", test::sanitized ? 20000 : 5000, 5e-6, 1e-3);
+  compare(*device, "Cornell box", {"cornell-box.obj", test::sanitized ? 20000.0 : 5000.0}, 5e-6, 1e-3);
 }
 TEST_P(AssemblyOnDevice, IsThatThroughEmbreeButForGrazingRaysInARoom) {
   if (test::sanitized) GTEST_SKIP() << "too large for a run under the sanitizers";
-  compare(*device, "room-1312.obj", 1, 4e-4, 5e-3);
+  compare(*device, "room", {"room-1312.obj", 1}, 4e-4, 5e-3);
+}
+// Up to 320 rays in a pair's pilot, 40,960 in all.
+TEST_P(AssemblyOnDevice, IsThatThroughEmbreeWithManyRaysToo) {
+  const RayBudget high = budget_of(accuracy_of("high"));
+  ASSERT_GT(high.most_in_pilot, 127U);
+  compare(*device, "few patches, accuracy high", Scenery(test::room(2)), 2e-5, 4e-3, high);
 }
 
 TEST_P(AssemblyOnDevice, IsTheSameBitsInBatchesOfAnySize) {
@@ -211,6 +220,33 @@ TEST_P(AssemblyOnDevice, IsTheSameBitsInBatchesOfAnySize) {
   EXPECT_TRUE(same(on_device(*device, scene, {.first_tiles = 1, .most_tiles = 1})));
   EXPECT_TRUE(same(on_device(*device, scene, {.launch_seconds = 1e-4, .first_tiles = 3, .most_tiles = 5})));
   EXPECT_TRUE(same(on_device(*device, scene, {.launch_seconds = 10, .first_tiles = 1000}, 37)));
+}
+
+/// Where the rays of a batch find no room it is done again in halves; where those of one tile do not, that is said.
+TEST_P(AssemblyOnDevice, WithLittleRoomForRaysItIsTheSameBits) {
+  const Scenery scene("cornell-box.obj", 20000);
+  const Matrix first = on_device(*device, scene);
+  const auto counts = std::make_shared<test::Counts>();
+  counts->inner = GetParam();
+  test::CountingDevice counting(counts);
+  const DevicePace little{.first_tiles = 1000, .most_chunks = 20000};
+  EXPECT_EQ(on_device(counting, scene, little), first);
+  // Every attempt begins with tile_kinds; only those with room for their rays end with tile_finish.
+  EXPECT_GT(counts->launches.at("tile_kinds"), counts->launches.at("tile_finish"));
+  EXPECT_GT(counts->launches.at("tile_finish"), 1U);
+  const auto expect_refused = [&](const DevicePace& pace, const RayBudget& budget, const char* cause) {
+    try {
+      on_device(*device, scene, pace, 0, nullptr, budget);
+      FAIL() << "no error";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::device);
+      EXPECT_NE(std::string(error.what()).find(cause), std::string::npos) << error.what();
+    }
+  };
+  expect_refused({.most_chunks = 3}, {}, "the rays of a single tile");
+  RayBudget longer;
+  longer.most_in_pilot = 8192;
+  expect_refused({}, longer, "more than 8191 rays in the pilot");
 }
 
 /// Row blocks one after the other make what all at once make.
@@ -237,7 +273,7 @@ TEST_P(AssemblyOnDevice, RunsOfRowsAddUpToTheWhole) {
 TEST_P(AssemblyOnDevice, StaysWithinTheBoundsOfTheCheck) {
   std::vector<KernelCheck> rows;
   check::check_assembly(*device, rows);
-  EXPECT_EQ(rows.size(), 8U);
+  EXPECT_EQ(rows.size(), 9U);
   for (const KernelCheck& row : rows) {
     EXPECT_EQ(row.status, CheckStatus::pass) << row.parameters << " " << row.error << " " << row.reason;
   }

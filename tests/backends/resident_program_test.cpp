@@ -82,7 +82,7 @@ TEST(AssemblyOption, ASixteenBitFormatIsPackedOfWhatTheDeviceMade) {
   const SolveRun host = solve({"--device", "openmp"});
   const SolveRun packed = solve({"--device", "opencl:0", "--assembly", "device", "--storage", "tiled16"});
   EXPECT_EQ(packed.report.at("assembly").at("device"), "opencl:0");
-  EXPECT_GT(packed.report.at("assembly").at("bytes_over_bus"), 400 * 400 * 4);
+  EXPECT_GT(packed.report.at("assembly").at("bytes_over_bus"), 400 * 400 * 2);
   EXPECT_EQ(packed.report.at("storage").at("format"), "tiled16");
   EXPECT_LT(difference(packed.light, host.light), 1e-3);
   EXPECT_THAT(packed.outcome.err, HasSubstr("the form factors came from opencl:0"));
@@ -106,6 +106,24 @@ TEST(AssemblyOption, OfFormfactorsMakesTheSameTable) {
   }
   EXPECT_EQ(table({"--device", "opencl:0", "--assembly", "device"}).at("assembly").at("device"), "opencl:0");
   EXPECT_EQ(table({"--device", "opencl:0"}).at("assembly").at("device"), "host");
+}
+
+/// --memory holds for F on a device as well, and is looked at before any work.
+TEST(AssemblyOption, WhatExceedsTheMemoryAskedForDoesNotStayOnTheDevice) {
+  if (const std::string why = why_unavailable("opencl:0"); !why.empty()) GTEST_SKIP() << why;
+  const auto with = [](const std::string& memory) {
+    return run_program({"solve", scene_file("cornell-box.obj"), "--patches", "400", "--device", "opencl:0",
+                        "--assembly", "device", "--memory", memory});
+  };
+  const Outcome small = with("100K");  // F takes 400 x 400 x 4 = 625 KiB or so
+  EXPECT_EQ(small.status, 6) << small.err;
+  EXPECT_THAT(small.error_lines(), testing::ElementsAre(testing::AllOf(HasSubstr("--memory allows 100K"),
+                                                                       HasSubstr("--form-factors FILE.iff"))));
+  EXPECT_THAT(small.out, testing::IsEmpty());
+  EXPECT_EQ(with("much").status, 2);
+  const Outcome enough = with("4M");
+  EXPECT_EQ(enough.status, 0) << enough.err;
+  EXPECT_THAT(enough.out, HasSubstr(" s on opencl:0"));
 }
 
 TEST(AssemblyOption, AWrongOneIsAUsageError) {

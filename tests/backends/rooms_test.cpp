@@ -17,9 +17,13 @@
 #include "interflect/solver/rounding.h"
 #include "interflect/solver/solver.h"
 #include "sanitized.h"
+#include "solver/light.h"
 
 namespace interflect {
 namespace {
+
+using test::difference;
+using test::MeshLight;
 
 constexpr std::size_t channels = 3;
 constexpr double bound = 2e-5;  // of the largest radiosity
@@ -48,35 +52,16 @@ std::unique_ptr<Scheduler> place(const std::string& id, const Room& room, const 
 }
 
 Result solve_on(const std::string& id, const Room& room, Method method, const PackedMatrix* packed = nullptr) {
-  const std::size_t n = room.mesh.size();
-  Columns reflectance(channels, std::vector<float>(n)), emittance = reflectance;
-  for (std::size_t c = 0; c < channels; ++c) {
-    for (std::size_t i = 0; i < n; ++i) {
-      reflectance[c][i] = static_cast<float>(room.mesh.reflectance[i][c]);
-      emittance[c][i] = static_cast<float>(room.mesh.emittance[i][c]);
-    }
-  }
+  const MeshLight light(room.mesh);
   const std::unique_ptr<Scheduler> scheduler = place(id, room, packed);
   Result result;
-  result.report = solve(*scheduler, method, StopTest{}, room.mesh.area, reflectance, emittance, result.radiosity);
+  result.report =
+      solve(*scheduler, method, StopTest{}, room.mesh.area, light.reflectance, light.emittance, result.radiosity);
   result.rounding = packed == nullptr ? 0
                                       : rounding_error(*scheduler, method, room.factors.matrix, room.mesh.area,
-                                                       reflectance, emittance, result.radiosity);
+                                                       light.reflectance, light.emittance, result.radiosity);
   EXPECT_TRUE(result.report.converged) << id << " " << name(method) << ": " << result.report.reason;
   return result;
-}
-
-/// The largest difference, as a share of the largest radiosity.
-double difference(const Columns& a, const Columns& b) {
-  double largest = 0, off = 0;
-  for (std::size_t c = 0; c < channels; ++c) {
-    for (std::size_t i = 0; i < a[c].size(); ++i) {
-      largest = std::max(largest, std::abs(static_cast<double>(b[c][i])));
-      const double d = std::abs(static_cast<double>(a[c][i]) - static_cast<double>(b[c][i]));
-      off = d <= off ? off : d;  // takes a NaN
-    }
-  }
-  return off / largest;
 }
 
 void compare_devices(const Room& room) {

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 
@@ -11,9 +10,12 @@
 #include "interflect/formfactor/iff_store.h"
 #include "interflect/scene/patch_mesh.h"
 #include "interflect/solver/solver.h"
+#include "solver/light.h"
 
 namespace interflect {
 namespace {
+
+using test::difference;
 
 constexpr std::size_t channels = 3;
 
@@ -40,29 +42,11 @@ struct Kept {
 };
 
 Columns solve_on(Scheduler& scheduler, const PatchMesh& mesh) {
-  Columns reflectance(channels, std::vector<float>(mesh.size())), emittance = reflectance, radiosity;
-  for (std::size_t c = 0; c < channels; ++c) {
-    for (std::size_t i = 0; i < mesh.size(); ++i) {
-      reflectance[c][i] = static_cast<float>(mesh.reflectance[i][c]);
-      emittance[c][i] = static_cast<float>(mesh.emittance[i][c]);
-    }
-  }
-  const SolveReport report = solve(scheduler, Method::cg, {}, mesh.area, reflectance, emittance, radiosity);
+  const test::MeshLight light(mesh);
+  Columns radiosity;
+  const SolveReport report = solve(scheduler, Method::cg, {}, mesh.area, light.reflectance, light.emittance, radiosity);
   EXPECT_TRUE(report.converged) << report.reason;
   return radiosity;
-}
-
-/// The largest difference, as a share of the largest radiosity.
-double difference(const Columns& a, const Columns& b) {
-  double largest = 0, off = 0;
-  for (std::size_t c = 0; c < channels; ++c) {
-    for (std::size_t i = 0; i < a[c].size(); ++i) {
-      largest = std::max(largest, std::abs(static_cast<double>(b[c][i])));
-      const double d = std::abs(static_cast<double>(a[c][i]) - static_cast<double>(b[c][i]));
-      off = d <= off ? off : d;  // takes a NaN
-    }
-  }
-  return off / largest;
 }
 
 std::vector<std::unique_ptr<Device>> only(std::unique_ptr<Device> device) {

@@ -41,7 +41,7 @@ TEST(Certificate, NamesAFlippedWallAndWhatTheClosureMoved) {
     EXPECT_LT(row.at("deviation").get<double>(), 0);
     EXPECT_EQ(row.at("centroid").size(), 3U);
   }
-  EXPECT_THAT(outcome.err, HasSubstr("closure moved the factors of"));
+  EXPECT_THAT(outcome.err, HasSubstr("closure moved a factor by"));
   const Outcome text = run_program({"formfactors", scene, "--divide", "0.02"});
   EXPECT_THAT(text.out, AllOf(HasSubstr("worst rows"), HasSubstr("flipped normal, see north")));
 }

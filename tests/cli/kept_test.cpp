@@ -182,6 +182,13 @@ TEST(Kept, AFullDiskIsOneLineAndLeavesTheFinishedPanels) {
   EXPECT_THAT(run.errors(), HasSubstr("interflect: error: " + file + ".partial: cannot write: File too large (panel " +
                                       std::to_string(kept)));
   EXPECT_THAT(run.errors(), HasSubstr(std::to_string(kept) + " of 26 panels are kept"));
+  // Mistyped options do not cost the finished panels.
+  std::vector<std::string> mistyped = keeping(file);
+  mistyped.insert(mistyped.end(), {"--accuracy", "low"});
+  const Outcome refused = run_program(mistyped, {small_panels, quiet_threads});
+  EXPECT_EQ(refused.status, 3);
+  EXPECT_THAT(refused.err, HasSubstr(file + ".partial: its accuracy is 0.005, 0.02 is asked; " + std::to_string(kept) +
+                                     " of its 26 panels are finished: give the options"));
   const Outcome again = run_program(keeping(file), {small_panels, quiet_threads});
   EXPECT_EQ(again.status, 0);
   EXPECT_THAT(again.err, HasSubstr("going on after " + std::to_string(kept) + " of 26 panels"));
@@ -290,6 +297,33 @@ TEST_F(KeptBox, AnotherClosureUsesThePanels) {
   EXPECT_TRUE(content_of(file) == bytes) << "and back";
 }
 
+/// What a kill or a full disk leaves while the end is written anew.
+TEST_F(KeptBox, ABrokenEndIsWrittenAgainByTheSameCommand) {
+  std::uint64_t end = 0;
+  std::memcpy(&end, bytes.data() + 112, sizeof end);
+  const std::vector<std::string> closing = arguments({"-o", file, "--closure", "on"});
+  ASSERT_EQ(run_program(closing).status, 0);
+  const std::string closed = content_of(file);
+  EXPECT_FALSE(closed == bytes);
+  static_cast<void>(folder.write("box.iff", bytes));
+  Running full(closing, folder.file("err"), end + 20);
+  EXPECT_EQ(full.wait(), 6);
+  EXPECT_THAT(full.errors(), HasSubstr("3 of 3 panels are kept in " + file + ", and the same command goes on"));
+  EXPECT_THAT(run_program({"formfactors", file}).err, HasSubstr("closing section: "));
+  const std::string broken = content_of(file);
+  const Outcome solved = solve({"--closure", "on"});
+  EXPECT_EQ(solved.status, 0) << solved.err;
+  EXPECT_THAT(solved.err, HasSubstr("the closure is found anew"));
+  EXPECT_TRUE(content_of(file) == broken) << "solve leaves the file alone";
+  const Outcome streamed = solve({"--closure", "on", "--memory", "2500K"});
+  EXPECT_EQ(streamed.status, 0) << streamed.err;
+  const Outcome again = run_program(closing);
+  EXPECT_EQ(again.status, 0) << again.err;
+  EXPECT_THAT(again.err, HasSubstr(file + ": closing section: "));
+  EXPECT_THAT(again.err, HasSubstr(": its panels are used, the closure is found anew"));
+  EXPECT_TRUE(content_of(file) == closed);
+}
+
 TEST_F(KeptBox, EmissionAndReflectanceMayChange) {
   std::string looks = content_of(scene_file("cornell-box.mtl"));
   const std::string obj = folder.write("cornell-box.obj", content_of(scene_file("cornell-box.obj")));
@@ -320,7 +354,16 @@ TEST_F(KeptBox, DamageIsNamedAndRepaired) {
             "nothing was damaged");
   EXPECT_EQ(run_program({"formfactors", file, "--repair"}).status, 2);
   EXPECT_EQ(run_program(arguments({"-o", folder.file("none.iff"), "--repair"})).status, 3);
-  static_cast<void>(folder.write("box.iff", "not form factors"));
+  // What is not known to be of this scene and these options is left as it is.
+  damaged = bytes;
+  damaged[70] ^= 4;
+  for (const std::string& content : {damaged, std::string("not form factors")}) {
+    static_cast<void>(folder.write("box.iff", content));
+    const Outcome refused = run_program(arguments({"-o", file, "--repair", "--accuracy", "high"}));
+    EXPECT_EQ(refused.status, 3);
+    EXPECT_EQ(refused.error_lines().size(), 1U);
+    EXPECT_TRUE(content_of(file) == content);
+  }
   EXPECT_THAT(run_program({"formfactors", file}).err, HasSubstr("is not a file of form factors"));
 }
 

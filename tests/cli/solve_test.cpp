@@ -77,7 +77,7 @@ TEST(Solve, TheReportHasWhatOtherProgramsRead) {
                           "relative_residual", "devices", "storage", "seconds", "closure", "energy"}) {
     EXPECT_TRUE(report.contains(key)) << key;
   }
-  for (const char* key : {"read", "mesh", "form_factors", "upload", "compile", "solve", "write", "total"}) {
+  for (const char* key : {"read", "mesh", "form_factors", "upload", "compile", "solve", "estimate", "write", "total"}) {
     EXPECT_GE(report.at("seconds").at(key).get<double>(), 0) << key;
   }
   EXPECT_EQ(report.at("relative_residual").size(), 3U);

@@ -81,7 +81,16 @@ INSTANTIATE_TEST_SUITE_P(
         std::pair{std::vector<std::string>{"bench", "--device", "openmp,openmp:1"}, std::string("'openmp:1'")},
         std::pair{std::vector<std::string>{"solve", box, "extra"}, std::string("extra")},
         std::pair{std::vector<std::string>{"formfactors", box, "--group-by", "colour"}, std::string("--group-by")},
+        std::pair{std::vector<std::string>{"formfactors", box, "--memory", "much"}, std::string("--memory")},
+        std::pair{std::vector<std::string>{"solve", box, "--memory", "nan"}, std::string("'nan' is not a size")},
         std::pair{std::vector<std::string>{"check", "--device", "cuda:7"}, std::string("cuda:7")}));
+
+/// `auto`, as for solve.
+TEST(Usage, FormfactorsTakesTheDeviceThatSolveTakes) {
+  for (const char* command : {"solve", "formfactors"}) {
+    EXPECT_THAT(run_program({command, "--help"}).out, HasSubstr("--device TEXT=auto ")) << command;
+  }
+}
 
 TEST(Usage, AnUnknownDeviceIsFoundBeforeTheFormFactors) {
   // A scene that would take minutes: the answer must come at once all the same (the test's own time limit is the

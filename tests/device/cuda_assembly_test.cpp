@@ -32,7 +32,7 @@ TEST(CudaAssembly, StaysWithinItsBoundsInEveryOrder) {
     if (test::sanitized && order != Order::shuffled) continue;
     cuda_on_cpu::use_order(order);
     const std::vector<KernelCheck> rows = checked("");
-    EXPECT_EQ(rows.size(), 8U);
+    EXPECT_EQ(rows.size(), 9U);
     for (const KernelCheck& row : rows) EXPECT_EQ(row.status, CheckStatus::pass) << describe(row);
   }
   cuda_on_cpu::use_order(Order::forwards);

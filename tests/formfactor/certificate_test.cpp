@@ -197,20 +197,6 @@ TEST(Certificate, EdgesKnowWhatIsTurnedAndOpen) {
   EXPECT_FALSE(edges_of(room(0.05).mesh()).open.empty());
 }
 
-TEST(Certificate, ErrorsOfRowsFromTheVarianceOfTiles) {
-  // Two blocks: 32 patches of area 1, 8 of area 4. σ²(S_ij) = 1 for every pair.
-  std::vector<double> area(40, 1.0);
-  std::fill(area.begin() + 32, area.end(), 4.0);
-  const std::vector<float> variance{32 * 31 / 2, 32 * 8 / 4.0F, 8 * 7 / 2 / 16.0F};
-  const std::vector<double> errors = row_errors(variance, area, 0);
-  // σ²(row i) = Σ_j σ²(S_ij) / A_i².
-  EXPECT_NEAR(errors[0], std::sqrt(39.0), 1e-6);
-  EXPECT_NEAR(errors[39], std::sqrt(39.0) / 4, 1e-6);
-  EXPECT_THAT(row_errors(variance, area, 100), Each(100.0));
-  EXPECT_THAT(row_errors({}, area, 0.5), Each(0.5)) << "nothing is known";
-  EXPECT_THAT(row_errors(std::vector<float>(3), area, 0.5), Each(0.5));
-}
-
 /// S as a store of panels gets it.
 class Capture : public PanelStore {
  public:

@@ -1,7 +1,9 @@
 // Estimated errors against sums by hand, and against what other seeds give.
 #include "interflect/formfactor/estimate.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <omp.h>
 
 #include <cmath>
 #include <numeric>
@@ -17,7 +19,7 @@ namespace {
 
 using test::Builder;
 
-/// Random variances and areas of 70 patches: 3 rows of tiles, the last one narrow.
+/// Random variances and areas of 70 patches: 3 rows of tiles, the last one narrow. Many areas are equal.
 struct Made {
   std::vector<float> variance = std::vector<float>(6);
   std::vector<double> area = std::vector<double>(70);
@@ -27,7 +29,7 @@ struct Made {
     std::uniform_real_distribution<double> share(0.1, 1);
     for (float& v : variance) v = static_cast<float>(share(random));
     for (std::size_t i = 0; i < 70; ++i) {
-      area[i] = share(random);
+      area[i] = i % 3 == 0 ? 0.5 : share(random);
       for (std::size_t c = 0; c < 3; ++c) {
         reflectance[i][c] = share(random);
         radiosity[i][c] = share(random);
@@ -51,10 +53,13 @@ struct Made {
 
 TEST(Estimate, RowSumsAsSummedByPairs) {
   const Made m;
+  const std::vector<double> errors = row_errors(m.variance, m.area);
+  ASSERT_EQ(errors.size(), 70U);
   double rms = 0, largest = 0;
   for (std::size_t i = 0; i < 70; ++i) {
     double sum = 0;
     for (std::size_t j = 0; j < 70; ++j) sum += m.square(i, j);
+    EXPECT_NEAR(errors[i], std::sqrt(sum), 1e-12) << i;
     rms += sum / 70;
     largest = std::max(largest, std::sqrt(sum));
   }
@@ -82,6 +87,21 @@ TEST(Estimate, RadiositiesAsSummedByPairs) {
   const EstimatedError error = radiosity_error(m.variance, m.area, m.reflectance, m.radiosity);
   EXPECT_NEAR(error.rms, worst_rms, 1e-12);
   EXPECT_NEAR(error.max, worst, 1e-12);
+}
+
+TEST(Estimate, TheNumberOfThreadsChangesNoBit) {
+  const Made m;
+  const int threads = omp_get_max_threads();
+  std::vector<std::vector<double>> rows;
+  std::vector<double> radiosity;
+  for (const int used : {1, 2, 3, 7}) {
+    omp_set_num_threads(used);
+    rows.push_back(row_errors(m.variance, m.area));
+    radiosity.push_back(radiosity_error(m.variance, m.area, m.reflectance, m.radiosity).rms);
+  }
+  omp_set_num_threads(threads);
+  EXPECT_THAT(rows, testing::Each(rows.front()));
+  EXPECT_THAT(radiosity, testing::Each(radiosity.front()));
 }
 
 TEST(Estimate, NoVarianceNoError) {

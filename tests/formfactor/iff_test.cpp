@@ -1,109 +1,27 @@
-// The file of form factors: what comes back, what damage is found, what a store continues and repairs.
-#include <fcntl.h>
+// The file of form factors: what comes back, what damage is found.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/file.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <csignal>
+#include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
+#include <memory>
+#include <new>
 
-#include "formfactor/broken.h"
-#include "interflect/base/error.h"
+#include "formfactor/iff_room.h"
 #include "interflect/formfactor/iff_closing.h"
 #include "interflect/formfactor/iff_file.h"
-#include "interflect/formfactor/iff_store.h"
+#include "sanitized.h"
 
 namespace interflect {
 namespace {
 
-using test::Builder;
+using namespace test;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-
-/// A closed room with a box in it: 240 patches, 8 rows of tiles.
-Builder room() {
-  Builder b;
-  b.part("walls").box({0, 0, 0}, {4, 3, 2.5}, true, 4);
-  b.part("box").box({1, 1, 0.2}, {2, 1.7, 1}, false, 2);
-  return b;
-}
-
-std::string content_of(const std::string& path) {
-  std::ifstream stream(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-void write(const std::string& path, const std::string& content) {
-  std::ofstream(path, std::ios::binary) << content;
-}
-
-/// What an action throws; empty when it does not.
-template <typename Action>
-std::string error_of(const Action& action, ErrorKind kind = ErrorKind::input) {
-  try {
-    action();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), kind) << error.what();
-    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
-    return error.what();
-  }
-  return "";
-}
-
-class Iff : public ::testing::Test {
- protected:
-  static constexpr std::uint32_t rows = 64;
-
-  Iff()
-      : folder_(::testing::TempDir() + "/iff-" + ::testing::UnitTest::GetInstance()->current_test_info()->name() + "-" +
-                std::to_string(::getpid())) {
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-  ~Iff() override { std::filesystem::remove_all(folder_); }
-  Iff(const Iff&) = delete;
-  Iff& operator=(const Iff&) = delete;
-
-  [[nodiscard]] std::string file(const std::string& name = "room.iff") const { return folder_ + "/" + name; }
-  [[nodiscard]] iff::Shape shape(std::uint64_t seed = 1) const {
-    iff::Shape out = iff_shape(mesh_, 0.25, false, 5e-3, seed);
-    out.rows_per_panel = rows;
-    return out;
-  }
-  /// As the command line does it; throws what it throws.
-  FormFactors make(const std::string& name, IffStore::Options options = {}, std::uint64_t seed = 1) {
-    IffStore store(name, shape(seed), std::move(options));
-    AssemblyOptions assembly;
-    assembly.panels = &store;
-    assembly.seed = seed;
-    FormFactors out = assemble(mesh_, assembly);
-    store.finish(iff_closing(mesh_, materials_, assembly.closure, out.report));
-    saved_ = store.saved();
-    return out;
-  }
-  IffStore::Options saying(IffStore::Mode mode = IffStore::Mode::make) {
-    return {mode, {}, [this](const std::string& line) { said_.push_back(line); }};
-  }
-
-  Builder builder_ = room();
-  PatchMesh mesh_ = builder_.mesh();
-  std::vector<Material> materials_{Material{"white"}};
-  std::string folder_;
-  std::vector<std::uint32_t> saved_;
-  std::vector<std::string> said_;
-};
-
-bool equal(const FormFactorMatrix& a, const FormFactorMatrix& b) {
-  for (std::uint32_t i = 0; i < a.size(); ++i) {
-    if (std::memcmp(a.row(i).data(), b.row(i).data(), a.row(i).size_bytes()) != 0) return false;
-  }
-  return a.size() == b.size();
-}
 
 TEST_F(Iff, WhatComesBackIsTheSameToTheBit) {
   const FormFactors without = assemble(mesh_);
@@ -208,6 +126,26 @@ TEST_F(Iff, ATruncatedFileIsFoundAtEveryLength) {
   EXPECT_THAT(error_of([&] { (void)IffFile::open(file("none.iff")); }), HasSubstr("No such file"));
 }
 
+/// While it lives, this process may have no more than 64 MiB of address space beyond what it has. Not under a
+/// sanitizer, which needs more of it than there is memory.
+class LittleMemory {
+ public:
+  LittleMemory() {
+    ::getrlimit(RLIMIT_AS, &before_);
+    std::uint64_t pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    struct rlimit tight = before_;
+    tight.rlim_cur = pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) + (std::uint64_t{64} << 20);
+    if (!test::sanitized) ::setrlimit(RLIMIT_AS, &tight);
+  }
+  LittleMemory(const LittleMemory&) = delete;
+  LittleMemory& operator=(const LittleMemory&) = delete;
+  ~LittleMemory() { ::setrlimit(RLIMIT_AS, &before_); }
+
+ private:
+  struct rlimit before_ {};
+};
+
 /// Headers whose checksum is right and whose numbers are not.
 TEST_F(Iff, LyingHeadersAreRefusedWithoutAllocating) {
   (void)make(file());
@@ -221,8 +159,13 @@ TEST_F(Iff, LyingHeadersAreRefusedWithoutAllocating) {
     std::string bytes = whole;
     std::memcpy(bytes.data(), &lying, sizeof lying);
     write(file("lie.iff"), bytes);
+    const LittleMemory limit;
     return error_of([&] { (void)IffFile::open(file("lie.iff")); });
   };
+  if (!test::sanitized) {  // the twin: as much as the table of a huge matrix would need is refused
+    const LittleMemory limit;
+    EXPECT_THROW((void)std::make_unique<char[]>(std::size_t{1} << 30), std::bad_alloc);
+  }
   EXPECT_EQ(refused([](iff::HeaderBytes&) {}), "");
   EXPECT_THAT(refused([](iff::HeaderBytes& h) { h.n = 0; }), HasSubstr("0 patches"));
   EXPECT_THAT(refused([](iff::HeaderBytes& h) { h.n = ~0U; }), HasSubstr("patches"));
@@ -271,97 +214,17 @@ TEST_F(Iff, ALyingClosingSectionIsRefused) {
   EXPECT_EQ(changed([](IffClosing& c) { c.report.warnings = {"a", ""}; }), "");
 }
 
-TEST_F(Iff, AnInterruptedRunGoesOnAndGivesTheSameFile) {
-  (void)make(file("undisturbed.iff"));
-  for (const int after : {1, 2, 3}) {
-    const std::string name = file("stopped" + std::to_string(after) + ".iff");
-    int panels = 0;
-    IffStore::Options options = saying();
-    options.stop = [&] { return ++panels == after; };
-    const std::string line = error_of([&] { (void)make(name, options); }, ErrorKind::interrupted);
-    EXPECT_THAT(line, HasSubstr(std::to_string(after) + " of 4 panels are kept in " + name + ".partial"));
-    EXPECT_FALSE(std::filesystem::exists(name));
-    const FormFactors again = make(name, saying());
-    EXPECT_EQ(again.report.panels_reused, static_cast<std::uint32_t>(after));
-    EXPECT_THAT(said_.back(), HasSubstr("going on after " + std::to_string(after) + " of 4 panels"));
-    EXPECT_EQ(content_of(name), content_of(file("undisturbed.iff")));
-  }
-}
-
-/// Whatever a killed process leaves of a panel in hand: bytes without an entry, or an entry that is torn.
-TEST_F(Iff, HalfWrittenPanelsDoNotCount) {
-  (void)make(file("undisturbed.iff"));
-  const std::string whole = content_of(file("undisturbed.iff"));
-  const iff::Shape shape = IffFile::open(file("undisturbed.iff")).shape();
-  for (const std::uint64_t end : {std::uint64_t{0}, std::uint64_t{100}, std::uint64_t{4096 + 64},
-                                  shape.panel_offset(1) + 5, shape.closing_offset() + 8}) {
-    std::string bytes = whole.substr(0, end);
-    write(file("a.iff.partial"), bytes);
-    (void)make(file("a.iff"));
-    EXPECT_EQ(content_of(file("a.iff")), whole) << end;
-    // The same end with a table that knows nothing yet of panel 2, torn in its entry.
-    if (end < shape.data_offset()) continue;
-    std::memset(bytes.data() + 4096 + 2 * 64 + 24, 0, 40);
-    write(file("b.iff.partial"), bytes);
-    (void)make(file("b.iff"));
-    EXPECT_EQ(content_of(file("b.iff")), whole) << end;
-  }
-}
-
-TEST_F(Iff, APartialFileOfAnotherKeyIsStartedAnew) {
-  (void)make(file("undisturbed.iff"));
-  IffStore::Options options;
-  options.stop = [] { return true; };
-  EXPECT_NE(error_of([&] { (void)make(file(), options, 2); }, ErrorKind::interrupted), "");
-  (void)make(file(), saying());
-  EXPECT_THAT(said_, ElementsAre(HasSubstr("its seed is 2, 1 is asked: started anew")));
-  EXPECT_EQ(content_of(file()), content_of(file("undisturbed.iff")));
-}
-
-TEST_F(Iff, DamagedPanelsAreComputedAgainAlone) {
-  (void)make(file("undisturbed.iff"));
-  const std::string whole = content_of(file("undisturbed.iff"));
-  const iff::Shape shape = IffFile::open(file("undisturbed.iff")).shape();
-  const auto repaired = [&](const std::vector<std::uint64_t>& places) {
-    std::string bytes = whole;
-    for (const std::uint64_t at : places) bytes.at(at) = static_cast<char>(~bytes[at]);
-    write(file(), bytes);
-    (void)make(file(), saying(IffStore::Mode::repair));
-    EXPECT_EQ(content_of(file()), whole);
-    return saved_;
-  };
-  EXPECT_THAT(repaired({}), IsEmpty());
-  EXPECT_THAT(repaired({shape.panel_offset(2) + 4321}), ElementsAre(2));
-  EXPECT_THAT(said_.back(), HasSubstr("panel 2 (rows 128 to 191): checksum differs: computed again"));
-  EXPECT_THAT(repaired({shape.variance_offset(1)}), ElementsAre(1));
-  EXPECT_THAT(repaired({4096 + 3 * 64 + 40, shape.panel_offset(0)}), ElementsAre(0, 3));
-  EXPECT_THAT(repaired({shape.closing_offset() + 500}), IsEmpty());
-  EXPECT_THAT(repaired({30}), IsEmpty()) << "the header; the entries prove that they belong to it";
-  write(file(), whole.substr(0, shape.panel_offset(2) + 77));
-  (void)make(file(), saying(IffStore::Mode::repair));
-  EXPECT_EQ(content_of(file()), whole);
-  EXPECT_THAT(saved_, ElementsAre(2, 3));
-}
-
-/// The twin: panels that come out otherwise are not mixed with the others.
-TEST_F(Iff, ARepairByOtherArithmeticIsRefused) {
+TEST_F(Iff, BuffersOfManyThreadsCountAsMemory) {
   (void)make(file());
-  std::string bytes = content_of(file());
-  const iff::Shape shape = this->shape();
-  bytes[shape.panel_offset(1) + 400] ^= 1;
-  write(file(), bytes);
-  const auto other_arithmetic = [&] {
-    IffStore store(file(), shape, {IffStore::Mode::repair, {}, {}});
-    AssemblyOptions assembly;
-    assembly.panels = &store;
-    assembly.seed = 7;  // as another machine's arithmetic would, it gives other values
-    (void)assemble(mesh_, assembly);
-  };
-  EXPECT_THAT(error_of(other_arithmetic), HasSubstr("panel 1 (rows 64 to 127) comes out otherwise"));
-  EXPECT_THAT(error_of([&] {
-                (void)make(file(), {IffStore::Mode::repair, {}, {}}, 2);
-              }),
-              HasSubstr("does not fit: its seed is 1, 2 is asked"));
+  const IffFile there = IffFile::open(file());
+  const std::uint64_t matrix = FormFactorMatrix::predicted_bytes(240), buffer = there.shape().panel_bytes(0);
+  EXPECT_EQ(panels_at_a_time(there, matrix + buffer, 8), 1U);
+  EXPECT_EQ(panels_at_a_time(there, matrix + 4 * buffer - 1, 8), 3U);
+  EXPECT_EQ(panels_at_a_time(there, 10 * matrix, 8), 4U) << "panels";
+  EXPECT_EQ(panels_at_a_time(there, 10 * matrix, 2), 2U) << "threads";
+  EXPECT_THAT(error_of([&] { (void)read_form_factors(there, matrix + buffer - 1); }, ErrorKind::limit),
+              HasSubstr("240 patches need"));
+  EXPECT_TRUE(equal(read_form_factors(there, matrix + buffer).matrix, read_form_factors(there).matrix));
 }
 
 TEST_F(Iff, TheGeometryDecidesAndTheLooksDoNot) {
@@ -376,45 +239,6 @@ TEST_F(Iff, TheGeometryDecidesAndTheLooksDoNot) {
   PatchMesh reordered = mesh_;
   std::swap(reordered.corners[0], reordered.corners[1]);
   EXPECT_NE(iff::geometry_hash(reordered), hash);
-}
-
-TEST_F(Iff, ASecondProcessIsKeptOut) {
-  const IffStore first(file(), shape(), {});
-  EXPECT_THAT(error_of([&] { const IffStore second(file(), shape(), {}); }),
-              HasSubstr("another process is writing it"));
-}
-
-/// Files beyond the process's limit, as on a full disk.
-TEST_F(Iff, AFullDiskLeavesWhatIsFinished) {
-  (void)make(file("undisturbed.iff"));
-  const iff::Shape shape = this->shape();
-  struct rlimit before {};
-  ::getrlimit(RLIMIT_FSIZE, &before);
-  struct sigaction ignore {
-  }, old{};
-  ignore.sa_handler = SIG_IGN;
-  ::sigaction(SIGXFSZ, &ignore, &old);
-  for (const std::uint64_t room_for : {shape.panel_offset(2) + 4096, shape.closing_offset() + 20}) {
-    std::filesystem::remove(file());
-    struct rlimit tight = before;
-    tight.rlim_cur = room_for;
-    ::setrlimit(RLIMIT_FSIZE, &tight);
-    const std::string line = error_of([&] { (void)make(file()); }, ErrorKind::limit);
-    ::setrlimit(RLIMIT_FSIZE, &before);
-    const char* kept = room_for < shape.closing_offset() ? "2 of 4 panels are kept" : "4 of 4 panels are kept";
-    EXPECT_THAT(line, HasSubstr("File too large"));
-    EXPECT_THAT(line, HasSubstr(kept));
-    EXPECT_FALSE(std::filesystem::exists(file()));
-    EXPECT_GE(make(file()).report.panels_reused, 2U);
-    EXPECT_EQ(content_of(file()), content_of(file("undisturbed.iff")));
-  }
-  ::sigaction(SIGXFSZ, &old, nullptr);
-}
-
-TEST_F(Iff, FoldersAndReadOnlyPlacesAreRefused) {
-  std::filesystem::create_directory(file("folder.iff"));
-  EXPECT_THAT(error_of([&] { (void)make(file("folder.iff")); }), HasSubstr("is a folder"));
-  EXPECT_THAT(error_of([&] { (void)make(file("none/room.iff")); }), HasSubstr("No such file"));
 }
 
 TEST_F(Iff, PanelsAreOfWholeTileRows) {

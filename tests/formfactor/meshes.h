@@ -117,6 +117,16 @@ class Builder {
   Grouping grouping_;
 };
 
+/// A closed room with a box in it; the room's sides in n x n cells.
+inline PatchMesh room(int n) {
+  return Builder()
+      .part("room")
+      .box({0, 0, 0}, {4, 3, 2.5}, true, n)
+      .part("box")
+      .box({1, 1, 0.5}, {2, 2, 1.5}, false, 2)
+      .mesh();
+}
+
 /// Raw factors: no scaling.
 inline AssemblyOptions raw(std::uint64_t seed = 1) {
   AssemblyOptions options;

@@ -91,6 +91,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       (void)iff::decode(std::as_bytes(std::span(input.data(), input.size())), data[0] % 8U + 1, "fuzz.iff");
     } catch (const Error&) {
     }
-    use(IffFile::open("/proc/self/fd/" + std::to_string(memory)));
+    const std::string name = "/proc/self/fd/" + std::to_string(memory);
+    // What opens without its closing section gives its panels all the same.
+    const IffFile panels = IffFile::open_panels(name);
+    const bool closed = panels.closing_damage().empty();
+    if (!closed && !panels.area().empty()) fuzzing::found("areas of a damaged closing section");
+    if (!closed) static_cast<void>(panels.damaged());
+    use(IffFile::open(name));
+    if (!closed) fuzzing::found("a damaged closing section was read");
   });
 }

@@ -25,8 +25,6 @@ class FloorUnderWall {
  public:
   explicit FloorUnderWall(double thick, double divide = 0.2, double foot = 0) : lit_(scene(thick, foot), divide) {
     for (std::size_t i = 0; i < lit_.mesh.size(); ++i) {
-      double b = 0;
-      for (const Vec3 p : lit_.mesh.triangle(i)) b += exact(p);
       double share = 0;  // of the patch on the light side, by counting
       const auto t = lit_.mesh.triangle(i);
       constexpr int n = 40;

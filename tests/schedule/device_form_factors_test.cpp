@@ -22,15 +22,6 @@ namespace {
 using namespace test;
 using ::testing::HasSubstr;
 
-/// A closed room with a box in it; its sides in n x n cells.
-PatchMesh room(int n) {
-  return Builder()
-      .part("room")
-      .box({0, 0, 0}, {4, 3, 2.5}, true, n)
-      .part("box")
-      .box({1, 1, 0.5}, {2, 2, 1.5}, false, 2)
-      .mesh();
-}
 /// Without its ceiling.
 PatchMesh open_room() {
   return Builder()

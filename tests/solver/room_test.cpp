@@ -9,9 +9,12 @@
 #include "interflect/formfactor/assembly.h"
 #include "interflect/scene/patch_mesh.h"
 #include "interflect/solver/solver.h"
+#include "solver/light.h"
 
 namespace interflect {
 namespace {
+
+using test::difference;
 
 constexpr std::size_t channels = 3;
 
@@ -35,34 +38,17 @@ class Room9680 : public ::testing::Test {
   };
   /// With the room's own paint, or with everything but the black painted in one reflectance.
   static Result solve_with(Method method, double paint = 0, double tolerance = 1e-6) {
-    Columns reflectance(channels, std::vector<float>(mesh_->size())), emittance = reflectance;
-    for (std::size_t c = 0; c < channels; ++c) {
-      for (std::size_t i = 0; i < mesh_->size(); ++i) {
-        reflectance[c][i] = static_cast<float>(paint > 0 ? paint : mesh_->reflectance[i][c]);
-        emittance[c][i] = static_cast<float>(mesh_->emittance[i][c]);
-      }
-    }
+    test::MeshLight light(*mesh_);
+    if (paint > 0) light.reflectance.assign(channels, std::vector<float>(mesh_->size(), static_cast<float>(paint)));
     std::vector<std::unique_ptr<Device>> devices;
     devices.push_back(open_device("openmp"));
     Scheduler scheduler(factors_->matrix, std::move(devices), channels);
     Result result;
     StopTest stop;
     stop.tolerance = tolerance;
-    result.report = solve(scheduler, method, stop, mesh_->area, reflectance, emittance, result.radiosity);
+    result.report = solve(scheduler, method, stop, mesh_->area, light.reflectance, light.emittance, result.radiosity);
     EXPECT_TRUE(result.report.converged) << name(method) << ": " << result.report.reason;
     return result;
-  }
-
-  /// The largest difference of two solutions, as a share of the largest radiosity.
-  static double difference(const Columns& a, const Columns& b) {
-    double largest = 0, off = 0;
-    for (std::size_t c = 0; c < channels; ++c) {
-      for (std::size_t i = 0; i < a[c].size(); ++i) {
-        largest = std::max(largest, std::abs(static_cast<double>(a[c][i])));
-        off = std::max(off, std::abs(static_cast<double>(a[c][i]) - static_cast<double>(b[c][i])));
-      }
-    }
-    return off / largest;
   }
 
   static std::unique_ptr<PatchMesh> mesh_;

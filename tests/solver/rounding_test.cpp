@@ -8,6 +8,7 @@
 #include "interflect/schedule/storage_choice.h"
 #include "interflect/solver/solver.h"
 #include "schedule/counting_device.h"
+#include "solver/light.h"
 #include "solver/room.h"
 
 namespace interflect {
@@ -32,17 +33,6 @@ Result solved(const Matrix& f, const Room& room, const Light& light, Method meth
   result.claimed = rounding_error(scheduler, method, room.form_factors, room.area, light.reflectance, light.emittance,
                                   result.radiosity);
   return result;
-}
-
-double difference(const Columns& a, const Columns& b) {
-  double off = 0, size = 0;
-  for (std::size_t c = 0; c < a.size(); ++c) {
-    for (std::size_t i = 0; i < a[c].size(); ++i) {
-      off = std::max(off, std::abs(static_cast<double>(a[c][i]) - static_cast<double>(b[c][i])));
-      size = std::max(size, std::abs(static_cast<double>(b[c][i])));
-    }
-  }
-  return off / size;
 }
 
 TEST(Rounding, IsWhatADense32SolveShowsInEveryFormatAndMethod) {
