@@ -60,6 +60,7 @@ void Console::begin(std::string_view stage, std::uint64_t total) {
   total_ = total;
   done_ = 0;
   iteration_ = 0;
+  iterating_ = false;
   next_ = 0;
   running_ = true;
   timer_.restart();
@@ -68,7 +69,7 @@ void Console::begin(std::string_view stage, std::uint64_t total) {
 
 void Console::advance(std::uint64_t steps) {
   const std::uint64_t done = done_ += steps;
-  if (!terminal_ && voice_ != Voice::json) return;
+  if ((!terminal_ && voice_ != Voice::json) || iterating_) return;  // iteration() follows
   const double now = timer_.seconds();
   double due = next_;
   const bool passes_mark = total_ >= marks && done * marks / total_ > (done - steps) * marks / total_;
@@ -85,8 +86,9 @@ void Console::iteration(std::uint32_t number, double residual) {
   const std::lock_guard lock(mutex_);
   iteration_ = number;
   residual_ = residual;
+  iterating_ = true;
   const double now = timer_.seconds();
-  if (now < next_ && !(voice_ == Voice::json && number <= each_iteration)) return;
+  if (now < next_ && number > (voice_ == Voice::json ? each_iteration : 1)) return;
   next_ = now + redraw;
   show("running");
 }

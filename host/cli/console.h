@@ -56,6 +56,7 @@ class Console : public ProgressSink {
   std::uint64_t total_ = 0;
   std::atomic<std::uint64_t> done_{0};
   std::uint32_t iteration_ = 0;
+  std::atomic<bool> iterating_{false};
   double residual_ = 0;
   std::atomic<double> next_{0};  ///< when the bar is drawn next, seconds since begin()
   Timer timer_;

@@ -39,7 +39,7 @@ double StageState::share() const {
 }
 
 double StageState::rate() const {
-  const double steps = iteration > 0 ? static_cast<double>(iteration) : static_cast<double>(done);
+  const double steps = stage == "Solve" ? static_cast<double>(iteration) : static_cast<double>(done);
   return seconds > 0 ? steps / seconds : 0;
 }
 
@@ -59,21 +59,22 @@ std::string_view unit_of(std::string_view stage) {
 }
 
 std::string bar_line(const StageState& state, std::size_t columns) {
-  constexpr double width = 20;
-  std::string line = fmt::format("{:<14}", state.stage);
-  if (state.total == 0) {
-    line += fmt::format(" {}", duration(state.seconds));
-  } else {
-    const auto filled = static_cast<std::size_t>(state.share() * width);
-    line += fmt::format(" [{}{}] {:3.0f} %", std::string(filled, '#'),
-                        std::string(static_cast<std::size_t>(width) - filled, '.'), std::floor(state.share() * 100));
-  }
-  if (state.iteration > 0) line += fmt::format("  iteration {}, residual {:.1e}", state.iteration, state.residual);
+  std::string end;
+  if (state.iteration > 0) end += fmt::format("  iteration {}, residual {:.1e}", state.iteration, state.residual);
   if (state.rate() > 0) {
-    line += fmt::format("  {} {}/s", short_number(state.rate()), state.iteration > 0 ? "it" : unit_of(state.stage));
+    end += fmt::format("  {} {}/s", short_number(state.rate()), state.iteration > 0 ? "it" : unit_of(state.stage));
   }
-  if (const auto left = state.seconds_left()) line += fmt::format("  {} left", duration(*left));
-  return line.substr(0, columns);
+  if (const auto left = state.seconds_left()) end += fmt::format("  {} left", duration(*left));
+  std::string line = fmt::format("{:<14} ", state.stage);
+  if (state.total == 0) return (line + duration(state.seconds) + end).substr(0, columns);
+  end = fmt::format(" {:3.0f} %", std::floor(state.share() * 100)) + end;
+  // The bar itself gives way to what stands behind it.
+  constexpr std::size_t shortest = 5, longest = 20, brackets = 2;
+  const std::size_t others = line.size() + end.size() + brackets;
+  const std::size_t width = std::clamp(columns > others ? columns - others : 0, shortest, longest);
+  const auto filled = static_cast<std::size_t>(state.share() * static_cast<double>(width));
+  line += fmt::format("[{}{}]", std::string(filled, '#'), std::string(width - filled, '.'));
+  return (line + end).substr(0, columns);
 }
 
 nlohmann::ordered_json progress_json(const StageState& state, std::string_view moment) {

@@ -19,7 +19,7 @@ struct StageState {
 
   /// 0 to 1; 0 where the total is not known.
   [[nodiscard]] double share() const;
-  /// Steps per second (of the solver: iterations); 0 before anything is done.
+  /// Steps per second (of the stage "Solve": iterations); 0 before anything is done.
   [[nodiscard]] double rate() const;
   /// What is left at the rate so far; nothing where too little is done to say.
   [[nodiscard]] std::optional<double> seconds_left() const;
@@ -28,7 +28,7 @@ struct StageState {
 /// What a step of this stage is, in the plural: "tiles", "rows", "frames", "iterations"; else "steps".
 [[nodiscard]] std::string_view unit_of(std::string_view stage);
 
-/// "form factors   [######......]  50 %  1.2k tiles/s  3 s left", cut to `columns`; of the solver also the iteration
+/// "form factors   [######......]  50 %  1.2k tiles/s  3 s left" in `columns` at most; of the solver also the iteration
 /// and its residual. A stage of unknown length has no bar but says how long it has taken.
 [[nodiscard]] std::string bar_line(const StageState& state, std::size_t columns);
 

@@ -24,12 +24,13 @@ bool blocked(const std::vector<Cut::Segment>& walls, Vec2 p, Vec2 q) {
   });
 }
 
-/// Points spread evenly over the patch, and its corners, joined where no wall is between neighbours.
+/// Points spread evenly over the patch (and on no line that a wall is likely to take), and its corners, joined where no
+/// wall is between neighbours.
 class Parts {
  public:
   Parts(const std::vector<Cut::Segment>& walls, const std::array<bool, 3>& on_wall) : walls_(walls) {
     for (int j = 0; j < steps; ++j) {
-      for (int i = 0; i + j < steps; ++i) points_.push_back({at(i), at(j)});
+      for (int i = 0; i + j < steps; ++i) points_.push_back({(i + 0.31) / steps, (j + 0.37) / steps});
     }
     corners_ = points_.size();
     points_.insert(points_.end(), corner.begin(), corner.end());
@@ -61,7 +62,6 @@ class Parts {
 
  private:
   static constexpr int steps = 24;
-  static constexpr double at(int i) { return (i + 1.0 / 3) / steps; }
   static constexpr std::size_t index(int i, int j) { return static_cast<std::size_t>(j * steps - j * (j - 1) / 2 + i); }
 
   void join(std::size_t p, std::size_t q) {
@@ -87,9 +87,10 @@ double distance(const Cut::Segment& s, Vec2 p, Vec3 b, Vec3 c) {
   return length(to - along * t);
 }
 
-/// A little longer at both ends, so that walls that meet leave no gap.
+/// A little longer at both ends, so that walls that meet leave no gap: feet are found just above the patch, where the
+/// patches of a wall that have an edge on it do not quite reach each other.
 Cut::Segment longer(const Cut::Segment& s) {
-  constexpr double more = 1e-4;
+  constexpr double more = 2e-3;
   const Vec2 d{s[1].x - s[0].x, s[1].y - s[0].y};
   const double scale = more / std::max(std::hypot(d.x, d.y), more);
   return {Vec2{s[0].x - scale * d.x, s[0].y - scale * d.y}, Vec2{s[1].x + scale * d.x, s[1].y + scale * d.y}};

@@ -60,8 +60,12 @@ Painter::Sample Painter::shade(const Sight::Seen& seen) const {
     }
     for (float& w : weight) w /= sum;
   }
+  // From one of them on, so that where all are equal the value is exactly theirs.
+  const std::size_t base = weight[0] > 0 ? 0 : weight[1] > 0 ? 1 : 2, next = (base + 1) % 3, last = (base + 2) % 3;
   for (std::size_t c = 0; c < 3; ++c) {
-    sample.radiosity[c] = weight[0] * value_[s[0]][c] + weight[1] * value_[s[1]][c] + weight[2] * value_[s[2]][c];
+    const float from = value_[s[base]][c];
+    sample.radiosity[c] =
+        from + weight[next] * (value_[s[next]][c] - from) + weight[last] * (value_[s[last]][c] - from);
   }
   return sample;
 }

@@ -152,13 +152,13 @@ bool Continues::operator()(std::uint32_t i, std::uint32_t j) const {
   return m.reflectance[i] == m.reflectance[j] && m.emittance[i] == m.emittance[j];
 }
 
-/// How much of patch i's radiosity belongs to its corner k: its area, or nothing where a good part of the patch lies on
-/// the other side of a wall.
+/// How much patch i's radiosity says about its corner k: its area; nothing where a good part of the patch lies on the
+/// other side of a wall; next to nothing where a small one does, so that it counts where no whole patch is there.
 double weight_of(const PatchMesh& mesh, const Walls& walls, std::uint32_t i, std::size_t k) {
-  constexpr double nearly_all = 0.9;
+  constexpr double nearly_all = 0.9, next_to_nothing = 1e-6;
   const Cut* cut = walls.cut(i);
   if (cut == nullptr) return mesh.area[i];
-  return cut->share[k] >= nearly_all ? mesh.area[i] * cut->share[k] : 0;
+  return cut->share[k] >= nearly_all ? next_to_nothing * mesh.area[i] : 0;
 }
 
 /// The smooth vertices that no patch gives a value, each with neighbours on its own side of the walls that have one,

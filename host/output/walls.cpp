@@ -37,11 +37,13 @@ std::vector<Frame> frames(const PatchMesh& mesh) {
   return out;
 }
 
-/// The part of a segment within the triangle u, v >= 0, u + v <= 1.
+/// The part of a segment within the triangle u, v >= 0, u + v <= 1, or just beside it: a wall on an edge may be off by
+/// rounding.
 std::optional<Cut::Segment> clip(Cut::Segment s) {
   const Vec2 d{s[1].x - s[0].x, s[1].y - s[0].y};
   double from = 0, to = 1;
   const auto keep = [&](double at, double rate) {  // at + rate t >= 0
+    at += 1e-3;
     if (rate > 0) from = std::max(from, -at / rate);
     if (rate < 0) to = std::min(to, -at / rate);
     return rate != 0 || at >= 0;
@@ -66,7 +68,7 @@ class Finder {
     }
     const Vec3 size = high - low;
     axis_ = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-    height_ = 1e-5 * length(size);
+    height_ = 2e-6 * length(size);
   }
 
   /// Every foot of every wall, by patch. Patches are swept along the scene's longest axis.
@@ -193,10 +195,11 @@ Walls::Walls(const PatchMesh& mesh, const Continues& continues) {
 }
 
 bool Walls::on_edge(std::uint32_t i, std::size_t k, double t) const {
+  constexpr double gap = 4e-3;  // between the feet of a wall's patches, see cut_of()
   auto it =
       std::lower_bound(edges_.begin(), edges_.end(), i, [](const OnEdge& e, std::uint32_t p) { return e.patch < p; });
   for (; it != edges_.end() && it->patch == i; ++it) {
-    if (it->edge == k && it->from <= t && t <= it->to) return true;
+    if (it->edge == k && it->from - gap <= t && t <= it->to + gap) return true;
   }
   return false;
 }

@@ -234,7 +234,7 @@ TEST_F(Progress, JsonIsOneObjectPerLine) {
     EXPECT_TRUE(begun.contains(stage)) << line;
     if (object["total"] > 0) {
       EXPECT_LE(object["done"], object["total"]);
-      if (state == "end" && stage != "Solve") EXPECT_EQ(object["done"], object["total"]) << line;
+      EXPECT_TRUE(state != "end" || stage == "Solve" || object["done"] == object["total"]) << line;
     }
     EXPECT_GE(object["rate"], 0);
     EXPECT_TRUE(object["seconds_left"].is_null() || object["seconds_left"] >= 0);
@@ -274,25 +274,32 @@ TEST_F(Progress, ATerminalGetsBarsAndAPipeNone) {
   // Every bar is drawn over the one before, and the last is wiped away.
   EXPECT_TRUE(text.ends_with("\r\x1b[K")) << text.substr(text.size() - 20);
   std::istringstream drawn(text);
-  for (std::string bar; std::getline(drawn, bar, '\r');) EXPECT_LT(bar.size(), 100 + 4U) << bar;
+  for (std::string bar; std::getline(drawn, bar, '\r');) {
+    const bool message = bar.find("interflect: ") != std::string::npos;
+    EXPECT_TRUE(message || bar.size() < 100 + 3) << bar;  // with the three characters that wipe
+  }
 
   Watched pipe(arguments, Watched::Stderr::pipe);
   pipe.read();
   EXPECT_EQ(pipe.wait(), 0);
-  EXPECT_EQ(pipe.text(), "");
+  EXPECT_THAT(pipe.text(), HasSubstr("warning: "));
+  EXPECT_THAT(pipe.text(), Not(HasSubstr("\r")));
+  EXPECT_THAT(pipe.text(), Not(HasSubstr(" rows/s")));
 }
 
 TEST(ProgressLine, SaysRateAndTimeLeft) {
   cli::StageState state{"form factors", 250, 1000, 2};
   EXPECT_EQ(cli::bar_line(state, 79), "form factors   [#####...............]  25 %  125 tiles/s  6.0 s left");
-  EXPECT_EQ(cli::bar_line(state, 20), "form factors   [####");
+  EXPECT_EQ(cli::bar_line(state, 20), "form factors   [#...");
   state = {"Frames", 90'000, 100'000, 8000};
   EXPECT_THAT(cli::bar_line(state, 79), HasSubstr("11.2 frames/s  14 min 48 s left"));
   state = {"Read", 0, 0, 3};
   EXPECT_EQ(cli::bar_line(state, 79), "Read           3.0 s");
   state = {"Solve", 50, 100, 4, 8, 1e-3};
-  EXPECT_EQ(cli::bar_line(state, 79),
+  EXPECT_EQ(cli::bar_line(state, 99),
             "Solve          [##########..........]  50 %  iteration 8, residual 1.0e-03  2 it/s  4.0 s left");
+  EXPECT_EQ(cli::bar_line(state, 79),
+            "Solve          [##...]  50 %  iteration 8, residual 1.0e-03  2 it/s  4.0 s left");
 }
 
 }  // namespace
