@@ -181,8 +181,9 @@ TEST_P(DeviceUse, AnInterruptedSolveGivesTheBestSoFar) {
     const SolveReport report =
         solve(scheduler, GetParam(), stop, room.area, light.reflectance, light.emittance, b, &sink);
     const double worst = *std::max_element(report.relative_residual.begin(), report.relative_residual.end());
-    EXPECT_TRUE(!report.interrupted || std::abs(worst - sink.residual_) < 1e-3 * worst + 1e-6)  // what was shown
-        << worst << " " << sink.residual_;
+    // At least as good as what was shown; Jacobi's last bounce is in b, but not yet in what it shows.
+    EXPECT_TRUE(!report.interrupted || worst <= 1.001 * sink.residual_ + 1e-6) << worst << " " << sink.residual_;
+    EXPECT_TRUE(!report.interrupted || worst >= 0.3 * sink.residual_) << worst << " " << sink.residual_;
     return report;
   };
   for (const auto iterations : {std::optional<std::uint32_t>{}, std::optional<std::uint32_t>{1000000}}) {
