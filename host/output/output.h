@@ -96,9 +96,10 @@ void write_exr(const Picture& picture, const std::filesystem::path& path);
 /// linear radiosity). A vertex appears once for each surface that meets there.
 void write_ply(const Solution& solution, const std::filesystem::path& path);
 /// glTF 2.0 binary; a node with its mesh for each group that has patches, triangles in patch order, unlit material.
-/// _RADIOSITY is the linear radiosity, _EMITTANCE the emittance (in groups with lamps only). COLOR_0 is linear too, but glTF demands 0..1: it is the radiosity times a
-/// factor, hue-preserving clip at 1. The factor is 1 when all radiosities are within 0..1 and not very dark, else the
-/// automatic exposure; it is stated in the scene's extras as "interflect_color_scale".
+/// _RADIOSITY is the linear radiosity, _EMITTANCE the emittance (in groups with lamps only). COLOR_0 is linear too, but
+/// glTF demands 0..1: it is the radiosity times a factor, hue-preserving clip at 1. The factor is 1 when all
+/// radiosities are within 0..1 and not very dark, else the automatic exposure; it is stated in the scene's extras as
+/// "interflect_color_scale".
 void write_glb(const Solution& solution, const std::filesystem::path& path);
 /// One header line, then one line per patch: index,group,area,cx,cy,cz,nx,ny,nz,rho_r..b,e_r..b,b_r..b,row_sum.
 /// Numbers round-trip. The group is its name (control characters become spaces), quoted when it must be.
