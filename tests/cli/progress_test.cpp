@@ -215,6 +215,30 @@ TEST_F(Progress, ASecondCtrlCEndsAtOnce) {
   EXPECT_THAT(folder.names(), ElementsAre());
 }
 
+TEST_F(Progress, CtrlCInAFilmFinishesTheFrameAndSaysHowToGoOn) {
+  const Folder folder, frames;
+  ASSERT_EQ(run_program({"solve", scene_file("furnace.obj"), "--divide", "0.1", "-o", folder.file("cube.glb")}).status,
+            0);
+  Watched program({"render", folder.file("cube.glb"), "--orbit", "--frames", "1000000", "--size", "16x16", "-o",
+                   frames.file("%d.png"), "--json-progress"},
+                  Watched::Stderr::pipe);
+  bool sent = false;
+  program.read([&](const std::string& line) {
+    const json object = json::parse(line);
+    if (sent || object.value("stage", "") != "Frames" || object["done"] < 2) return;
+    program.interrupt();
+    sent = true;
+  });
+  EXPECT_EQ(program.wait(), 130);
+  EXPECT_FALSE(program.killed());
+  const std::size_t made = frames.names().size();  // whole frames and nothing else
+  EXPECT_GE(made, 2U);
+  EXPECT_LT(made, 1000000U);
+  for (std::size_t k = 0; k < made; ++k)
+    EXPECT_EQ(content_of(frames.file(std::to_string(k) + ".png")).substr(1, 3), "PNG");
+  EXPECT_THAT(program.text(), HasSubstr("--first " + std::to_string(made) + " goes on"));
+}
+
 TEST_F(Progress, JsonIsOneObjectPerLine) {
   const Folder folder;
   const Outcome outcome =
