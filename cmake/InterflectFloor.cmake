@@ -18,14 +18,14 @@ function(interflect_embed_page list)
   set(page ${PROJECT_SOURCE_DIR}/host/output/page)
   # In the order in which they become one script.
   set(program data.js light.js tone.js shader.js view.js camera.js controls.js legend.js lamps.js inspector.js share.js
-    panel.js main.js)
+    panel.js live.js main.js)
   list(TRANSFORM program PREPEND ${page}/ OUTPUT_VARIABLE program_files)
   list(JOIN program "," program)
   set(embedded ${PROJECT_BINARY_DIR}/embedded_page.cpp)
   add_custom_command(OUTPUT ${embedded}
     COMMAND ${CMAKE_COMMAND} -DPAGE=${page} -DTHREE=${INTERFLECT_THREE_JS} -DPROGRAM=${program} -DOUT=${embedded}
       -P ${PROJECT_SOURCE_DIR}/cmake/embed_page.cmake
-    DEPENDS ${program_files} ${page}/page.html ${page}/page.css ${page}/three-licence.txt ${INTERFLECT_THREE_JS}
+    DEPENDS ${program_files} ${page}/page.html ${page}/page.css ${page}/live.css ${page}/three-licence.txt ${INTERFLECT_THREE_JS}
       ${PROJECT_SOURCE_DIR}/cmake/embed_page.cmake VERBATIM)
   set(${list} ${${list}} ${embedded} PARENT_SCOPE)
 endfunction()

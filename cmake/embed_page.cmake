@@ -9,6 +9,8 @@ endforeach()
 string(APPEND program "})();\n")
 file(READ ${PAGE}/page.html outline)
 file(READ ${PAGE}/page.css style)
+file(READ ${PAGE}/live.css live_style)
+string(APPEND style "${live_style}")
 file(READ ${PAGE}/three-licence.txt licence)
 file(READ ${THREE} three)
 

@@ -11,6 +11,8 @@ packages=(
   libfmt-dev libhwy-dev libopenexr-dev libpng-dev zlib1g-dev libxxhash-dev libstb-dev
   # the page of `view`: three.js is embedded in the program
   libjs-three
+  # Boost.Beast, header-only: the HTTP of `serve`
+  libboost-dev
   # loaders and compilers of the GPU backends (CUDA needs nothing to build)
   ocl-icd-opencl-dev opencl-headers libvulkan-dev glslang-dev glslang-tools spirv-tools
   # drivers that run GPU kernels on the processor, and what watches them in the tests

@@ -40,6 +40,7 @@ int run(int argc, char** argv) {
   interflect::cli::add_solve(program, action);
   interflect::cli::add_view(program, action);
   interflect::cli::add_render(program, action);
+  interflect::cli::add_serve(program, action);
   interflect::cli::add_formfactors(program, action);
   interflect::cli::add_devices(program, action);
   interflect::cli::add_check(program, action);

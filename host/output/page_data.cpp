@@ -183,6 +183,7 @@ PageData page_data(const Solution& solution, const PageOptions& options) {
   description["lamps"] = solution.lights.names.empty() ? Json{"All lamps"} : Json(solution.lights.names);
   description["bounces"] = 0;
   description["statistics"] = options.statistics;
+  if (options.served) description["served"] = true;
   Sections sections;
   add_mesh(sections, mesh, origin);
   add_values(sections, solution);

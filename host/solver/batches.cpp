@@ -25,6 +25,14 @@ BatchedSolve::BatchedSolve(Method method, const StopTest& stop, std::span<const 
   batches_.back().checkpoint.interval = interval;
 }
 
+void BatchedSolve::begin_at(Columns guess) {
+  if (guess.size() != emittance_.size()) {
+    throw Error(ErrorKind::usage,
+                fmt::format("solve: {} columns to begin at for {} of emittances", guess.size(), emittance_.size()));
+  }
+  batches_.front().checkpoint.b = std::move(guess);
+}
+
 /// Batches of at most so many columns. What a batch has come to goes with its columns; what it has spent stays with the
 /// first of its parts.
 void BatchedSolve::cut(std::uint32_t most) {

@@ -22,6 +22,11 @@ class BatchedSolve {
   BatchedSolve(Method method, const StopTest& stop, std::span<const double> area, const Columns& reflectance,
                const Columns& emittance, double interval = 1.0);
 
+  /// Where the solve begins instead of at 0: a column for each of `emittance`, such as the last solution of a problem
+  /// that has changed a little since (Checkpoint). Before the first run(). Throws a usage Error for another number of
+  /// columns.
+  void begin_at(Columns guess);
+
   /// Solves what is not solved yet and leaves the Scheduler with the columns of the last batch. Throws what solve()
   /// throws; what was done until then is kept, also where the next Scheduler takes fewer columns.
   void run(Scheduler& scheduler, ProgressSink* progress = nullptr);

@@ -23,6 +23,7 @@ class App {
     if (!exposed) this.exposeAutomatically();
     if (!this.state.scale) this.state.scale = this.legend.fit("linear");
     this.show();
+    if (this.data.served) this.live = new Live(this);
   }
 
   /** The light as the lamps are set now. */
