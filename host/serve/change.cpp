@@ -13,7 +13,7 @@ namespace interflect::serve {
 
 namespace {
 
-using Json = nlohmann::json;
+using Json = nlohmann::ordered_json;
 
 constexpr double largest_emittance = 1e9, smallest_tolerance = 1e-7, largest_tolerance = 0.1;
 constexpr std::size_t longest_client = 64;
