@@ -1,8 +1,8 @@
 # The two commands of a newcomer: `make demo` and `make test`. Everything else is CMake with its presets.
 .PHONY: deps build demo test asan emulated bundle install format tidy clean
 
-# install-deps has installed these drivers and the browser: a test that does not find them fails instead of being skipped.
-REQUIRED = INTERFLECT_TEST_REQUIRE=opencl:0,vulkan:0,chromium
+# install-deps has installed these: a test that does not find them fails instead of being skipped.
+REQUIRED = INTERFLECT_TEST_REQUIRE=opencl:0,vulkan:0,blender,chromium
 
 deps:
 	@scripts/install-deps.sh

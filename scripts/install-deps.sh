@@ -8,7 +8,7 @@ packages=(
   build-essential cmake ninja-build pkg-config git ca-certificates
   # libraries that the program uses
   libembree-dev libtbb-dev libtinygltf-dev libtinyobjloader-dev libpugixml-dev libcli11-dev nlohmann-json3-dev
-  libfmt-dev libhwy-dev libopenexr-dev libpng-dev zlib1g-dev libxxhash-dev
+  libfmt-dev libhwy-dev libopenexr-dev libpng-dev zlib1g-dev libxxhash-dev libstb-dev
   # the page of `view`: three.js is embedded in the program
   libjs-three
   # Boost.Beast, header-only: the HTTP of `serve`
@@ -26,7 +26,7 @@ packages=(
   clang-14 clang-format-14 clang-tidy-14 libomp-14-dev libclang-rt-14-dev llvm-14
   python3
   # programs that no one here wrote, with which tests open what we write
-  assimp-utils openexr
+  assimp-utils openexr blender
   # a browser that opens the page
   chromium chromium-driver
 )

@@ -76,15 +76,14 @@ void remove_temporaries(int signal) {
 constexpr std::array patient{SIGINT, SIGTERM};
 std::array<struct sigaction, patient.size()> before_patience;
 volatile std::sig_atomic_t end_asked = 0;
+std::string_view end_line;  ///< set while no handler of ours is there
 
 /// The first signal. Puts the handlers from before back, so that the second one has their effect.
 void note_interrupt(int) {
   const int error = errno;
   end_asked = 1;
   for (std::size_t k = 0; k < patient.size(); ++k) ::sigaction(patient[k], &before_patience[k], nullptr);
-  constexpr std::string_view line =
-      "interflect: interrupted: finishing the panel in hand (once more to end at once; what is finished is kept)\n";
-  if (::write(STDERR_FILENO, line.data(), line.size()) < 0) errno = error;  // nobody reads: as good as said
+  if (::write(STDERR_FILENO, end_line.data(), end_line.size()) < 0) errno = error;  // nobody reads: as good as said
   errno = error;
 }
 
@@ -186,8 +185,9 @@ void remove_temporaries_on_signals() {
   }
 }
 
-PatientInterrupt::PatientInterrupt() {
+PatientInterrupt::PatientInterrupt(std::string_view line) {
   end_asked = 0;
+  end_line = line;
   for (std::size_t k = 0; k < patient.size(); ++k) ::sigaction(patient[k], nullptr, &before_patience[k]);
   for (std::size_t k = 0; k < patient.size(); ++k) {
     if (before_patience[k].sa_handler == SIG_IGN) continue;

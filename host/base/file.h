@@ -45,12 +45,14 @@ class AtomicFile {
 /// a library leaves signals alone.
 void remove_temporaries_on_signals();
 
-/// While one lives, the first SIGINT or SIGTERM only asks for an end (a line on stderr says that the panel in hand is
-/// finished first); the second one ends the process as before. A signal that was ignored stays so. For programs; one at
-/// a time.
+/// While one lives, the first SIGINT or SIGTERM only asks for an end (a line on stderr says what is finished first);
+/// the second one ends the process as before. A signal that was ignored stays so. For programs; one at a time.
 class PatientInterrupt {
  public:
-  PatientInterrupt();
+  static constexpr std::string_view panel_in_hand =
+      "interflect: interrupted: finishing the panel in hand (once more to end at once; what is finished is kept)\n";
+  /// `line` is what stderr gets, with its newline; a literal, or something else that lives as long.
+  explicit PatientInterrupt(std::string_view line = panel_in_hand);
   PatientInterrupt(const PatientInterrupt&) = delete;
   PatientInterrupt& operator=(const PatientInterrupt&) = delete;
   ~PatientInterrupt();

@@ -14,13 +14,18 @@ class ProgressSink {
   ProgressSink& operator=(const ProgressSink&) = delete;
   virtual ~ProgressSink() = default;
 
-  /// A stage starts that takes `total` steps of about equal cost.
+  /// A stage starts that takes `total` steps of about equal cost; 0: nobody knows how many.
   virtual void begin(std::string_view /*stage*/, std::uint64_t /*total*/) {}
   /// `steps` more of the current stage are done.
   virtual void advance(std::uint64_t /*steps*/) {}
   virtual void end() {}
   /// One line for the user that is not an error, such as a warning.
   virtual void message(std::string_view /*line*/) {}
+  /// The solver has done so many iterations; the worst column's relative residual, as the devices see it. From the
+  /// thread that solves.
+  virtual void iteration(std::uint32_t /*number*/, double /*residual*/) {}
+  /// Whether the user wants no further work but the best result so far. Asked after each iteration.
+  [[nodiscard]] virtual bool interrupted() { return false; }
 };
 
 }  // namespace interflect

@@ -10,6 +10,7 @@ using Action = std::function<int()>;
 
 // Each adds its subcommand with its options to the program and sets `action` when it was chosen.
 void add_solve(CLI::App& program, Action& action);
+void add_render(CLI::App& program, Action& action);
 void add_formfactors(CLI::App& program, Action& action);
 void add_devices(CLI::App& program, Action& action);
 void add_check(CLI::App& program, Action& action);

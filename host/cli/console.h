@@ -3,20 +3,31 @@
 #include <atomic>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 
+#include "interflect/base/error.h"
+#include "interflect/base/file.h"
 #include "interflect/base/progress.h"
 #include "interflect/base/timer.h"
+#include "progress_line.h"
 
 namespace interflect::cli {
 
-/// Progress on stderr: a bar with the time left on a terminal, nothing elsewhere; messages as "interflect: warning:
-/// ...".
+/// How stderr is used.
+enum class Voice {
+  people,  ///< a bar with rate and time left on a terminal, nothing elsewhere; messages as "interflect: warning: ..."
+  quiet,   ///< neither bars nor messages
+  json,    ///< --json-progress: one JSON object per line, see docs/progress.md
+};
+
+/// Progress on stderr. From the solver's first iteration on, the first Ctrl-C is kept as interrupted(), so that the
+/// best result so far can be written; the second one ends the program.
 class Console : public ProgressSink {
  public:
-  /// quiet: neither bars nor messages.
-  explicit Console(bool quiet);
+  explicit Console(bool quiet) : Console(quiet ? Voice::quiet : Voice::people) {}
+  explicit Console(Voice voice);
   Console(const Console&) = delete;
   Console& operator=(const Console&) = delete;
   ~Console() override;
@@ -25,20 +36,37 @@ class Console : public ProgressSink {
   void advance(std::uint64_t steps) override;
   void end() override;
   void message(std::string_view line) override;
+  void iteration(std::uint32_t number, double residual) override;
+  [[nodiscard]] bool interrupted() override;
+
+  /// From now on the first Ctrl-C is kept as interrupted(). `promise` says what is still done then, in a few words of
+  /// the program's own.
+  void be_patient(const std::string& promise);
 
  private:
-  void draw(double seconds);
+  [[nodiscard]] StageState state() const;
+  void show(std::string_view moment);
   void erase();
 
-  bool quiet_;
+  Voice voice_;
   bool terminal_;
   bool drawn_ = false;
+  bool running_ = false;  ///< between begin() and end()
   std::string stage_;
   std::uint64_t total_ = 0;
   std::atomic<std::uint64_t> done_{0};
+  std::uint32_t iteration_ = 0;
+  std::atomic<bool> iterating_{false};
+  double residual_ = 0;
   std::atomic<double> next_{0};  ///< when the bar is drawn next, seconds since begin()
   Timer timer_;
   std::mutex mutex_;  ///< of everything that is drawn
+  std::string line_;  ///< what Ctrl-C says; before patient_, which points into it
+  std::optional<PatientInterrupt> patient_;
 };
+
+/// What ends the program, on stderr: "interflect: error: MESSAGE" ("interflect: interrupted: MESSAGE"), or an object
+/// with error, kind and status where a Console speaks JSON.
+void say_error(ErrorKind kind, std::string_view message);
 
 }  // namespace interflect::cli

@@ -252,7 +252,7 @@ void print_report(const Options& options, const Known& known) {
 }
 
 int run(const Options& options) {
-  Console console(options.scene.quiet);
+  Console console(voice_of(options.scene));
   check(options);
   const bool alone = is_iff(options.scene.file);
   const Known known = alone ? from_file(options.scene.file, options.scene) : from_scene(options, console);

@@ -5,6 +5,7 @@
 #include <new>
 
 #include "commands.h"
+#include "console.h"
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
 
@@ -14,7 +15,7 @@ using interflect::Error;
 using interflect::ErrorKind;
 
 int fail(ErrorKind kind, std::string_view message) {
-  fmt::print(stderr, "interflect: {}: {}\n", kind == ErrorKind::interrupted ? "interrupted" : "error", message);
+  interflect::cli::say_error(kind, message);
   return interflect::exit_status(kind);
 }
 
@@ -38,6 +39,7 @@ int run(int argc, char** argv) {
   interflect::cli::Action action;
   interflect::cli::add_solve(program, action);
   interflect::cli::add_view(program, action);
+  interflect::cli::add_render(program, action);
   interflect::cli::add_serve(program, action);
   interflect::cli::add_formfactors(program, action);
   interflect::cli::add_devices(program, action);

@@ -42,6 +42,12 @@ void add_scene_options(CLI::App& command, SceneOptions& options, const std::stri
                   "exceeds it stays in the .iff file and is read for every product")
       ->check(byte_size());
   command.add_flag("--quiet", options.quiet, "no progress, no warnings; solve: no summary either");
+  command.add_flag("--json-progress", options.json_progress,
+                   "progress for programs: one JSON object per line on stderr (docs/progress.md)");
+}
+
+Voice voice_of(const SceneOptions& options) {
+  return options.json_progress ? Voice::json : options.quiet ? Voice::quiet : Voice::people;
 }
 
 GroupBy group_by(const std::string& name) {
@@ -78,11 +84,14 @@ std::vector<std::string> report_findings(const Scene& scene, bool two_sided, Pro
 MeshedScene load(const SceneOptions& options, ProgressSink& progress) {
   MeshedScene loaded;
   Timer timer;
+  progress.begin("Read", 0);
   loaded.scene = read_scene(options.file);
+  progress.end();
   loaded.warnings = report_findings(loaded.scene, options.two_sided, progress);
   loaded.read_seconds = timer.seconds();
 
   timer.restart();
+  progress.begin("Mesh", 0);
   SubdivideOptions subdivision;
   subdivision.two_sided = options.two_sided;
   subdivision.divide = options.divide
@@ -92,6 +101,7 @@ MeshedScene load(const SceneOptions& options, ProgressSink& progress) {
   loaded.mesh = subdivide(loaded.scene, subdivision);
   loaded.grouping = group_surfaces(loaded.scene, group_by(options.group_by));
   loaded.mesh_seconds = timer.seconds();
+  progress.end();
   return loaded;
 }
 
@@ -212,6 +222,7 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
   Columns radiosity;
   Bounces bounces;
   const auto after = [&](Scheduler& scheduler) {
+    if (progress.interrupted()) return;
     if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
     // A fixed number of iterations asks for that many bounces, not for a solution that could be judged.
     if (stop.iterations) return;
@@ -236,6 +247,7 @@ Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
   Solved solved = solve_packed(matrix, mesh, candidates, format, method, stop, progress, lamps);
   const std::optional<double> error = solved.storage.rounding_error;
   std::string why;
+  if (solved.report.interrupted) return solved;
   if (!solved.report.converged && !stop.iterations && solved.report.iterations < stop.max_iterations) {
     why = "the rounded form factors have no solution within the tolerance";  // where ρ is near 1 they may have none at
                                                                              // all

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "console.h"
 #include "interflect/device/device.h"
 #include "interflect/formfactor/accuracy.h"
 #include "interflect/formfactor/assembly.h"
@@ -32,7 +33,10 @@ struct SceneOptions {
   std::optional<std::uint64_t> seed;
   std::optional<std::string> memory;  ///< as given
   bool quiet = false;
+  bool json_progress = false;
 };
+/// How --quiet and --json-progress want stderr used.
+[[nodiscard]] Voice voice_of(const SceneOptions& options);
 void add_scene_options(CLI::App& command, SceneOptions& options,
                        const std::string& what = "scene: .xml (rrv), .obj, .gltf, .glb or .vs3 (View3D)");
 

@@ -20,6 +20,7 @@ double sum(const Rgb& c) {
 }
 
 std::string_view tone_of(const SolveSummary& summary) {
+  if (summary.solved->report.interrupted) return "INTERRUPTED";
   if (summary.stop.iterations) return "fixed number of iterations";
   return summary.solved->report.converged ? "converged" : "NOT CONVERGED";
 }
@@ -131,6 +132,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["tolerance"] = summary.stop.tolerance;
   out["converged"] = report.converged;
   if (!report.converged) out["reason"] = report.reason;
+  out["interrupted"] = report.interrupted;
   out["iterations"] = report.iterations;
   out["products"] = report.products;
   out["relative_residual"] = report.relative_residual;

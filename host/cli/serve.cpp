@@ -173,7 +173,7 @@ int measure(const Options& options, const MeshedScene& loaded, const serve::Live
 }
 
 int run(const Options& options) {
-  Console console(options.scene.quiet);
+  Console console(voice_of(options.scene));
   const auto open = [](const std::string& id) { return open_device(id); };
   Candidates candidates(choose_devices(options.device), open, &console);
   candidates.open();

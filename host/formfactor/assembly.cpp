@@ -240,7 +240,9 @@ FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, Prog
   fill(out.matrix, makers.maker(), options.panels, report, sink);
   sink.end();
 
+  sink.begin("closure", 0);
   Scaling scaling = judge(mesh, patches, blockers, options, exchange_product(out.matrix), report);
+  sink.end();
   make_form_factors(out.matrix, mesh.area, scaling);
   note_change(mesh, scaling, report);
   report.scaling = std::move(scaling.d);
@@ -277,7 +279,9 @@ AssemblyReport assemble_into(PanelStore& panels, const PatchMesh& mesh, const As
 
   const StoredPanels stored(panels, n);
   PanelStream stream(stored, memory);
+  sink.begin("closure", 0);
   Scaling scaling = judge(mesh, patches, blockers, options, exchange_product(stream), report);
+  sink.end();
   scaling.max_change = largest_change(stream, scaling.d);
   note_change(mesh, scaling, report);
   report.scaling = std::move(scaling.d);

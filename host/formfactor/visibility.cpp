@@ -35,6 +35,30 @@ void check(RTCDevice device) {
 
 constexpr std::size_t stream = 1024;
 
+RTCRayHit query_of(const Visibility::Ray& ray) {
+  RTCRayHit query{};
+  query.ray.org_x = ray.origin[0];
+  query.ray.org_y = ray.origin[1];
+  query.ray.org_z = ray.origin[2];
+  query.ray.dir_x = ray.direction[0];
+  query.ray.dir_y = ray.direction[1];
+  query.ray.dir_z = ray.direction[2];
+  query.ray.tnear = ray.near;
+  query.ray.tfar = ray.far;
+  query.ray.mask = ~0U;
+  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  return query;
+}
+
+Visibility::Hit hit_of(const RTCRayHit& query) {
+  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {Visibility::nothing};
+  // Embree's geometric normal is (b − a) × (c − a): the front looks along it.
+  const float towards =
+      query.hit.Ng_x * query.ray.dir_x + query.hit.Ng_y * query.ray.dir_y + query.hit.Ng_z * query.ray.dir_z;
+  return {query.hit.primID, query.ray.tfar, query.hit.u, query.hit.v, towards < 0};
+}
+
 }  // namespace
 
 struct Visibility::Impl {
@@ -75,24 +99,24 @@ Visibility::~Visibility() = default;
 std::optional<Visibility::Hit> Visibility::closest(const Ray& ray) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  RTCRayHit query{};
-  query.ray.org_x = ray.origin[0];
-  query.ray.org_y = ray.origin[1];
-  query.ray.org_z = ray.origin[2];
-  query.ray.dir_x = ray.direction[0];
-  query.ray.dir_y = ray.direction[1];
-  query.ray.dir_z = ray.direction[2];
-  query.ray.tnear = ray.near;
-  query.ray.tfar = ray.far;
-  query.ray.mask = ~0U;
-  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  RTCRayHit query = query_of(ray);
   rtcIntersect1(impl_->scene.get(), &context, &query);
-  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
-  // Embree's geometric normal is (b − a) × (c − a): the front looks along it.
-  const float towards =
-      query.hit.Ng_x * ray.direction[0] + query.hit.Ng_y * ray.direction[1] + query.hit.Ng_z * ray.direction[2];
-  return Hit{query.hit.primID, query.ray.tfar, query.hit.u, query.hit.v, towards < 0};
+  const Hit hit = hit_of(query);
+  return hit.triangle == nothing ? std::nullopt : std::optional(hit);
+}
+
+void Visibility::closest(std::span<const Ray> rays, std::span<Hit> hits) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  constexpr std::size_t at_once = 256;   // 20 KiB on the stack
+  std::array<RTCRayHit, at_once> batch;  // NOLINT: filled below
+  for (std::size_t first = 0; first < rays.size(); first += at_once) {
+    const std::size_t count = std::min(at_once, rays.size() - first);
+    for (std::size_t k = 0; k < count; ++k) batch[k] = query_of(rays[first + k]);
+    rtcIntersect1M(impl_->scene.get(), &context, batch.data(), static_cast<unsigned>(count), sizeof(RTCRayHit));
+    for (std::size_t k = 0; k < count; ++k) hits[first + k] = hit_of(batch[k]);
+  }
 }
 
 void Visibility::occluded(std::span<const Ray> rays, std::span<bool> occluded) const {

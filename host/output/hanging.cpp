@@ -55,6 +55,14 @@ struct DirectedEdge {
   bool operator<(const DirectedEdge& o) const { return std::tie(from, to, patch) < std::tie(o.from, o.to, o.patch); }
 };
 
+/// Whether a wall stands on the edge or goes through it: then its ends say nothing about its middle.
+bool walled(const PatchMesh& mesh, const Walls& walls, const DirectedEdge& e) {
+  std::size_t k = 0;
+  while (mesh.corners[e.patch][k] != e.from) ++k;
+  const Cut* cut = walls.cut(e.patch);
+  return walls.on_edge(e.patch, k, 0.5) || (cut != nullptr && (cut->part[k] >> (k + 1) % 3 & 1U) == 0);
+}
+
 struct Search {
   const PatchMesh& mesh;
   const SmoothMesh& smooth;
@@ -108,7 +116,7 @@ std::vector<SmoothMesh::Hanging> find_hanging(const PatchMesh& mesh, const Smoot
   search.at_vertex.resize(mesh.vertices.size());
   for (const DirectedEdge& e : edges) search.at_vertex[e.from].push_back(e.patch);
   for (const DirectedEdge& e : edges) {
-    if (matched(e)) continue;
+    if (matched(e) || walled(mesh, smooth.walls, e)) continue;
     std::array<std::uint32_t, 2> ends{};
     for (std::size_t c = 0; c < 3; ++c) {
       if (mesh.corners[e.patch][c] == e.from) ends[0] = smooth.corners[e.patch][c];

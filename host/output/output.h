@@ -14,6 +14,8 @@
 
 namespace interflect {
 
+struct Lightmap;
+
 /// What a solve leaves, ready to be written: one radiosity and one row sum per patch.
 struct Solution {
   const PatchMesh* mesh = nullptr;
@@ -35,6 +37,8 @@ struct Solution {
 /// A vertex that hangs in the middle of a coarser neighbour's edge, as subdivision leaves it between triangles of
 /// different size, gets the mean of the edge's ends, so that no crack shows; a vertex that the model itself left
 /// elsewhere on an edge does not.
+/// Light does not mix across a wall that stands on a patch's edge or goes through the patch, whether it shares vertices
+/// with it or not: a patch that goes on under a wall takes part only at corners whose side is nearly the whole of it.
 /// Patches without a finite radiosity are left out of the mean. Throws an internal Error unless there is one radiosity
 /// per patch.
 [[nodiscard]] std::vector<std::array<Rgb, 3>> corner_radiosities(const PatchMesh& mesh,
@@ -54,7 +58,8 @@ struct PictureOptions {
   /// emit use the screen's range while lamps may clip.
   std::optional<double> exposure;
   ToneMap tone = ToneMap::filmic;
-  /// Per pixel, stratified. A pixel whose first 4 see one and the same patch gets no more.
+  /// Per pixel, stratified. A pixel whose first 4 see one patch, or one surface in one colour (within 2 %), gets no
+  /// more.
   std::uint32_t samples = 16;
 };
 
@@ -92,11 +97,15 @@ void write_exr(const Picture& picture, const std::filesystem::path& path);
 /// (float), red green blue (uchar: sRGB of exposed radiosity, for viewers), radiosity_r radiosity_g radiosity_b (float:
 /// linear radiosity). A vertex appears once for each surface that meets there.
 void write_ply(const Solution& solution, const std::filesystem::path& path);
-/// glTF 2.0 binary; a node with its mesh for each group that has patches, triangles in patch order, unlit material.
-/// _RADIOSITY is the linear radiosity. COLOR_0 is linear too, but glTF demands 0..1: it is the radiosity times a
-/// factor, hue-preserving clip at 1. The factor is 1 when all radiosities are within 0..1 and not very dark, else the
-/// automatic exposure; it is stated in the scene's extras as "interflect_color_scale".
-void write_glb(const Solution& solution, const std::filesystem::path& path);
+/// glTF 2.0 binary; a node with its mesh for each group that has patches, triangles in patch order, unlit material. A
+/// patch is one triangle, or several where its neighbours have vertices on its edges (joints.h), so that no gap shows.
+/// _RADIOSITY is the linear radiosity, _EMITTANCE the emittance (in groups with lamps only), _GROUP_0, _GROUP_1, ...
+/// those of Solution::lit, whose names are in the scene's extras as "interflect_light_groups". COLOR_0 is linear too,
+/// but glTF demands 0..1: it is the radiosity times color_scale() (tone.h), hue-preserving clip at 1; the factor is in
+/// the scene's extras as "interflect_color_scale". With a lightmap the light is the material's texture instead of
+/// COLOR_0 (glTF multiplies the two): an embedded 8-bit PNG with the same factor. TEXCOORD_1 are its coordinates, and
+/// so are TEXCOORD_0, which glTF demands before; the extras have "interflect_lightmap". See lightmap.h.
+void write_glb(const Solution& solution, const std::filesystem::path& path, const Lightmap* lightmap = nullptr);
 /// One header line, then one line per patch: index,group,area,cx,cy,cz,nx,ny,nz,rho_r..b,e_r..b,b_r..b,row_sum.
 /// Numbers round-trip. The group is its name (control characters become spaces), quoted when it must be.
 void write_csv(const Solution& solution, const std::filesystem::path& path);

@@ -3,13 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "interflect/base/error.h"
 #include "interflect/output/lens.h"
 #include "interflect/output/output.h"
-#include "interflect/output/sight.h"
-#include "interflect/output/smooth.h"
+#include "interflect/output/painter.h"
+#include "interflect/output/renderer.h"
 #include "interflect/output/tone.h"
 
 namespace interflect {
@@ -17,7 +20,6 @@ namespace interflect {
 namespace {
 
 constexpr std::uint32_t largest_size = 32768;
-constexpr double largest_value = 1e30;  // so that sums over samples stay finite floats
 
 void check_options(const PictureOptions& o) {
   const auto refuse = [](const std::string& cause) { throw Error(ErrorKind::usage, "picture: " + cause); };
@@ -49,116 +51,216 @@ std::vector<Vec2> sample_points(std::uint32_t n) {
   return points;
 }
 
-class Painter {
+/// What the samples of a pixel add up to.
+struct Sum {
+  Rgb linear{}, display{};
+  std::uint32_t count = 0;
+};
+
+/// One picture in the making: painted tile by tile, so that rays that are traced together run close together.
+class Canvas {
  public:
-  Painter(const Solution& solution, const PictureOptions& options)
-      : mesh_(*solution.mesh), sight_(mesh_), smooth_(smooth_mesh(mesh_)) {
-    for (const Rgb& b : smooth_radiosities(smooth_, mesh_, solution.radiosity)) {
-      for (const double c : b) value_.push_back(static_cast<float>(std::clamp(c, 0.0, largest_value)));
-    }
-    const double aspect = static_cast<double>(options.width) / options.height;
-    camera_ = options.camera ? *options.camera : frame_scene(mesh_, aspect);
+  Canvas(const Painter& painter, const Lens& lens, const PictureOptions& options, Picture& picture)
+      : painter_(painter), lens_(lens), points_(sample_points(options.samples)), picture_(picture) {
+    first_ = std::min(points_.size(), scouts);
   }
 
-  [[nodiscard]] const Camera& camera() const { return camera_; }
+  static constexpr std::uint32_t tile = 8;  // pixels, both ways
 
-  static constexpr std::uint32_t nothing = ~0U;
-  struct Sample {
-    std::array<float, 3> radiosity{};
-    std::uint32_t patch = nothing;
-    bool lamp = false;
+  /// What a thread works with.
+  struct Bench {
+    std::vector<Vec3> directions;
+    std::vector<Painter::Sample> samples;
+    std::vector<std::array<std::uint32_t, 2>> pixels;  ///< that need all samples
+    std::vector<Sum> sums;                             ///< of what they have
   };
-  [[nodiscard]] Sample look(Vec3 eye, Vec3 direction) const {
-    const auto seen = sight_.front(eye, direction);
-    if (!seen) return {};
-    Sample sample{{}, seen->patch, emits(mesh_.emittance[seen->patch])};
-    const auto& s = smooth_.corners[seen->patch];
-    const float u = seen->u, v = seen->v, w = 1 - u - v;
-    for (std::size_t c = 0; c < 3; ++c) {
-      sample.radiosity[c] = w * value(s[0], c) + u * value(s[1], c) + v * value(s[2], c);
+
+  void paint(std::uint32_t left, std::uint32_t top, Bench& bench) const {
+    const std::uint32_t right = std::min(left + tile, picture_.width), bottom = std::min(top + tile, picture_.height);
+    bench.directions.clear(), bench.pixels.clear(), bench.sums.clear();
+    for (std::uint32_t y = top; y < bottom; ++y) {
+      for (std::uint32_t x = left; x < right; ++x) aim(x, y, 0, first_, bench);
     }
-    return sample;
+    look(bench);
+    std::span<const Painter::Sample> samples = bench.samples;
+    for (std::uint32_t y = top; y < bottom; ++y) {
+      for (std::uint32_t x = left; x < right; ++x, samples = samples.subspan(first_)) {
+        const auto mine = samples.first(first_);
+        const bool even = first_ > 1 && alike(mine);
+        const Sum sum = even ? add_alike(mine) : add(mine, {});
+        if (first_ == points_.size() || even || one_patch(mine)) {
+          put(x, y, sum);
+        } else {
+          bench.pixels.push_back({x, y});
+          bench.sums.push_back(sum);
+        }
+      }
+    }
+    paint_rest(bench);
   }
 
  private:
-  [[nodiscard]] float value(std::size_t vertex, std::size_t channel) const { return value_[3 * vertex + channel]; }
+  void aim(std::uint32_t x, std::uint32_t y, std::size_t from, std::size_t to, Bench& bench) const {
+    for (std::size_t s = from; s < to; ++s) {
+      bench.directions.push_back(
+          lens_.direction((x + points_[s].x) / picture_.width, (y + points_[s].y) / picture_.height));
+    }
+  }
+  void look(Bench& bench) const {
+    bench.samples.resize(bench.directions.size());
+    painter_.look(lens_.eye(), bench.directions, bench.samples);
+  }
 
-  const PatchMesh& mesh_;
-  Sight sight_;
-  SmoothMesh smooth_;
-  std::vector<float> value_;  ///< three channels per smooth vertex
-  Camera camera_;
+  void paint_rest(Bench& bench) const {
+    if (bench.pixels.empty()) return;
+    bench.directions.clear();
+    for (const auto& [x, y] : bench.pixels) aim(x, y, first_, points_.size(), bench);
+    look(bench);
+    const std::size_t each = points_.size() - first_;
+    for (std::size_t k = 0; k < bench.pixels.size(); ++k) {
+      const auto mine = std::span<const Painter::Sample>(bench.samples).subspan(k * each, each);
+      put(bench.pixels[k][0], bench.pixels[k][1], add(mine, bench.sums[k]));
+    }
+  }
+
+  static bool one_patch(std::span<const Painter::Sample> samples) {
+    return std::all_of(samples.begin(), samples.end(), [&](const auto& s) { return s.patch == samples[0].patch; });
+  }
+
+  /// Whether the samples see one surface in nearly one colour: then more of them would not change what a screen shows.
+  [[nodiscard]] bool alike(std::span<const Painter::Sample> samples) const {
+    constexpr float share = 0.02F, dark = 0.002F;  // of the brightest channel; of the screen's white
+    std::array<float, 3> low = samples[0].radiosity, high = low;
+    for (const auto& s : samples) {
+      if (s.surface != samples[0].surface) return false;
+      for (std::size_t c = 0; c < 3; ++c) {
+        low[c] = std::min(low[c], s.radiosity[c]), high[c] = std::max(high[c], s.radiosity[c]);
+      }
+    }
+    const float brightest = std::max({high[0], high[1], high[2]});
+    const float range = std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
+    return range <= share * brightest || range * static_cast<float>(picture_.exposure) <= dark;
+  }
+
+  [[nodiscard]] Rgb shown(const Rgb& linear) const {
+    return tone_map({picture_.exposure * linear[0], picture_.exposure * linear[1], picture_.exposure * linear[2]},
+                    picture_.tone);
+  }
+
+  /// The tone curve is nearly straight over so small a range: it is applied to the mean.
+  [[nodiscard]] Sum add_alike(std::span<const Painter::Sample> samples) const {
+    Sum sum{{}, {}, static_cast<std::uint32_t>(samples.size())};
+    for (const auto& s : samples) {
+      for (std::size_t c = 0; c < 3; ++c) sum.linear[c] += static_cast<double>(s.radiosity[c]);
+    }
+    const double n = sum.count;
+    sum.display = shown({sum.linear[0] / n, sum.linear[1] / n, sum.linear[2] / n});
+    for (double& c : sum.display) c *= n;
+    return sum;
+  }
+
+  [[nodiscard]] Sum add(std::span<const Painter::Sample> samples, Sum sum) const {
+    for (const auto& s : samples) {
+      const Rgb linear{static_cast<double>(s.radiosity[0]), static_cast<double>(s.radiosity[1]),
+                       static_cast<double>(s.radiosity[2])};
+      const Rgb display = shown(linear);
+      for (std::size_t c = 0; c < 3; ++c) sum.linear[c] += linear[c], sum.display[c] += display[c];
+      ++sum.count;
+    }
+    return sum;
+  }
+
+  void put(std::uint32_t x, std::uint32_t y, const Sum& sum) const {
+    const std::size_t at = std::size_t{3} * (std::size_t{y} * picture_.width + x);
+    for (std::size_t c = 0; c < 3; ++c) {
+      picture_.pixels[at + c] = static_cast<float>(sum.linear[c] / sum.count);
+      picture_.display[at + c] = static_cast<float>(sum.display[c] / sum.count);
+    }
+  }
+
+  const Painter& painter_;
+  const Lens& lens_;
+  std::vector<Vec2> points_;
+  Picture& picture_;
+  std::size_t first_ = 0;  ///< so many samples of each pixel are taken before it is known whether it needs all
 };
 
-/// The exposure from a coarse view of the picture: what the surfaces that are not lamps show.
-double view_exposure(const Painter& painter, const Lens& lens, ToneMap tone) {
-  constexpr std::uint32_t across = 160, down = 90;
-  std::vector<Brightness> values(std::size_t{across} * down);
-#pragma omp parallel for schedule(dynamic, 4)
-  for (std::uint32_t y = 0; y < down; ++y) {
-    for (std::uint32_t x = 0; x < across; ++x) {
-      const auto s = painter.look(lens.eye(), lens.direction((x + 0.5) / across, (y + 0.5) / down));
-      if (s.lamp || s.patch == Painter::nothing) continue;
-      values[y * across + x] = {brightness({s.radiosity[0], s.radiosity[1], s.radiosity[2]}), 1};
-    }
-  }
-  return automatic_exposure(std::move(values), tone);
+double aspect_of(const PictureOptions& options) {
+  return static_cast<double>(options.width) / options.height;
 }
 
-/// One pixel: the mean radiosity, and the mean of what the screen shows of each sample. A pixel whose first samples all
-/// see one patch needs no more: radiosity is linear there.
-void paint_pixel(const Painter& painter, const Lens& lens, const std::vector<Vec2>& points, std::uint32_t x,
-                 std::uint32_t y, Picture& picture) {
-  Rgb linear{}, display{};
-  bool uniform = true;
-  std::uint32_t patch = Painter::nothing, done = 0;
-  for (const Vec2 at : points) {
-    if (done == scouts && uniform) break;
-    const auto sample =
-        painter.look(lens.eye(), lens.direction((x + at.x) / picture.width, (y + at.y) / picture.height));
-    uniform = uniform && (done == 0 || sample.patch == patch);
-    patch = sample.patch;
-    ++done;
-    Rgb exposed{};
-    for (std::size_t c = 0; c < 3; ++c) {
-      linear[c] += static_cast<double>(sample.radiosity[c]);
-      exposed[c] = picture.exposure * static_cast<double>(sample.radiosity[c]);
+/// What surfaces that are not lamps show on a coarse grid.
+void coarse_view(const Painter& painter, const Lens& lens, std::vector<Brightness>& values) {
+  constexpr std::uint32_t across = 160, down = 90;
+  std::vector<Vec3> directions;
+  for (std::uint32_t y = 0; y < down; ++y) {
+    for (std::uint32_t x = 0; x < across; ++x) {
+      directions.push_back(lens.direction((x + 0.5) / across, (y + 0.5) / down));
     }
-    exposed = tone_map(exposed, picture.tone);
-    for (std::size_t c = 0; c < 3; ++c) display[c] += exposed[c];
   }
-  const std::size_t first = std::size_t{3} * (std::size_t{y} * picture.width + x);
-  for (std::size_t c = 0; c < 3; ++c) {
-    picture.pixels[first + c] = static_cast<float>(linear[c] / done);
-    picture.display[first + c] = static_cast<float>(display[c] / done);
+  std::vector<Painter::Sample> samples(directions.size());
+  painter.look(lens.eye(), directions, samples);
+  for (const auto& s : samples) {
+    if (s.patch == Painter::nothing || painter.lamp(s.patch)) continue;
+    values.push_back({brightness({static_cast<double>(s.radiosity[0]), static_cast<double>(s.radiosity[1]),
+                                  static_cast<double>(s.radiosity[2])}),
+                      1});
   }
 }
 
 }  // namespace
 
-Picture render(const Solution& solution, const PictureOptions& options, ProgressSink* progress) {
+Renderer::Renderer(const Solution& solution, bool walls) {
   check_solution(solution);
+  SmoothMesh smooth = smooth_mesh(*solution.mesh, smooth_crease, walls);
+  const std::vector<Rgb> value = smooth_radiosities(smooth, *solution.mesh, solution.radiosity);
+  painter_ = std::make_unique<Painter>(*solution.mesh, std::move(smooth), value);
+}
+
+Renderer::Renderer(const LitMesh& lit) : painter_(std::make_unique<Painter>(lit.mesh, lit.smooth, lit.radiosity)) {}
+
+Renderer::~Renderer() = default;
+
+Camera Renderer::camera(const PictureOptions& options) const {
   check_options(options);
-  const Painter painter(solution, options);
-  const Lens lens(painter.camera(), static_cast<double>(options.width) / options.height);
+  return options.camera ? *options.camera : frame_scene(painter_->mesh(), aspect_of(options));
+}
+
+double Renderer::exposure(const PictureOptions& options, std::span<const Camera> cameras) const {
+  std::vector<Brightness> values;
+  for (const Camera& camera : cameras) coarse_view(*painter_, Lens(camera, aspect_of(options)), values);
+  return automatic_exposure(std::move(values), options.tone);
+}
+
+Picture Renderer::render(const PictureOptions& options, ProgressSink* progress) const {
+  const Camera eye = camera(options);
+  const Lens lens(eye, aspect_of(options));
   Picture picture;
   picture.width = options.width;
   picture.height = options.height;
   picture.tone = options.tone;
-  picture.exposure = options.exposure ? *options.exposure : view_exposure(painter, lens, options.tone);
+  picture.exposure = options.exposure ? *options.exposure : exposure(options, std::span(&eye, 1));
   picture.pixels.resize(std::size_t{3} * options.width * options.height);
   picture.display.resize(picture.pixels.size());
-  const std::vector<Vec2> points = sample_points(options.samples);
+  const Canvas canvas(*painter_, lens, options, picture);
   if (progress != nullptr) progress->begin("Picture", options.height);
-#pragma omp parallel for schedule(dynamic, 4)
-  for (std::uint32_t y = 0; y < options.height; ++y) {
-    for (std::uint32_t x = 0; x < options.width; ++x) {
-      paint_pixel(painter, lens, points, x, y, picture);
+#pragma omp parallel
+  {
+    Canvas::Bench bench;
+#pragma omp for schedule(dynamic, 1)
+    for (std::uint32_t top = 0; top < options.height; top += Canvas::tile) {
+      for (std::uint32_t left = 0; left < options.width; left += Canvas::tile) canvas.paint(left, top, bench);
+      if (progress != nullptr) progress->advance(std::min(Canvas::tile, options.height - top));
     }
-    if (progress != nullptr) progress->advance(1);
   }
   if (progress != nullptr) progress->end();
   return picture;
+}
+
+Picture render(const Solution& solution, const PictureOptions& options, ProgressSink* progress) {
+  check_solution(solution);
+  check_options(options);
+  return Renderer(solution).render(options, progress);
 }
 
 }  // namespace interflect

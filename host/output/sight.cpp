@@ -57,36 +57,68 @@ Sight::Sight(const PatchMesh& mesh)
       visibility_(moved(mesh.vertices, box_.centre, box_.scale), mesh.corners),
       twin_(find_twins(mesh)) {}
 
-std::optional<Sight::Seen> Sight::next(Vec3 eye, Vec3 direction, double near) const {
+Sight::Aim Sight::aim(Vec3 eye, Vec3 direction, double near) const {
   // In lengths of the scene's diagonal, from its middle: Embree's floats would drown a scene far from the origin, and
   // Embree takes no rays from beyond 1e18. Nothing lies farther than 0.5 from the middle, so the ray starts about 1
   // before the point where it passes nearest.
   constexpr double far_away = 4;
-  const double unit = length(direction) * box_.scale;
+  Aim a;
+  a.unit = length(direction) * box_.scale;
   const Vec3 along = normalized(direction);
   Vec3 origin = (eye - box_.centre) * box_.scale;
-  const double skipped = std::max(0.0, -dot(origin, along) - 1);
-  origin = origin + along * skipped;
-  if (!(length(origin) < far_away)) return std::nullopt;
-  Visibility::Ray ray;
+  a.skipped = std::max(0.0, -dot(origin, along) - 1);
+  origin = origin + along * a.skipped;
+  a.lost = !(length(origin) < far_away);
   for (int axis = 0; axis < 3; ++axis) {
-    ray.origin[static_cast<std::size_t>(axis)] = static_cast<float>(origin[axis]);
-    ray.direction[static_cast<std::size_t>(axis)] = static_cast<float>(along[axis]);
+    a.ray.origin[static_cast<std::size_t>(axis)] = static_cast<float>(origin[axis]);
+    a.ray.direction[static_cast<std::size_t>(axis)] = static_cast<float>(along[axis]);
   }
-  ray.near = static_cast<float>(std::clamp(near * unit - skipped, 0.0, 2 * far_away));
-  ray.far = std::numeric_limits<float>::infinity();
-  const auto hit = visibility_.closest(ray);
-  if (!hit) return std::nullopt;
-  Seen seen{hit->triangle, (static_cast<double>(hit->t) + skipped) / unit, hit->u, hit->v, hit->front};
-  const std::uint32_t other = twin_[hit->triangle];
-  if (seen.front || other == hit->triangle) return seen;
-  const std::array<float, 3> share{1 - hit->u - hit->v, hit->u, hit->v};
-  const auto& from = mesh_.corners[hit->triangle];
+  a.ray.near = static_cast<float>(std::clamp(near * a.unit - a.skipped, 0.0, 2 * far_away));
+  a.ray.far = std::numeric_limits<float>::infinity();
+  return a;
+}
+
+Sight::Seen Sight::seen_of(const Visibility::Hit& hit, const Aim& aim) const {
+  const Seen seen{hit.triangle, (static_cast<double>(hit.t) + aim.skipped) / aim.unit, hit.u, hit.v, hit.front};
+  const std::uint32_t other = twin_[hit.triangle];
+  if (seen.front || other == hit.triangle) return seen;
+  const std::array<float, 3> share{1 - hit.u - hit.v, hit.u, hit.v};
+  const auto& from = mesh_.corners[hit.triangle];
   const auto& to = mesh_.corners[other];
   const auto share_at = [&](std::size_t k) {
     return share[static_cast<std::size_t>(std::find(from.begin(), from.end(), to[k]) - from.begin())];
   };
   return Seen{other, seen.distance, share_at(1), share_at(2), true};
+}
+
+std::optional<Sight::Seen> Sight::next(Vec3 eye, Vec3 direction, double near) const {
+  const Aim a = aim(eye, direction, near);
+  if (a.lost) return std::nullopt;
+  const auto hit = visibility_.closest(a.ray);
+  return hit ? std::optional(seen_of(*hit, a)) : std::nullopt;
+}
+
+void Sight::fronts(Vec3 eye, std::span<const Vec3> directions, std::span<Seen> seen) const {
+  constexpr std::size_t at_once = 256;
+  std::array<Aim, at_once> aims;              // NOLINT: filled below
+  std::array<Visibility::Ray, at_once> rays;  // NOLINT
+  std::array<Visibility::Hit, at_once> hits;
+  for (std::size_t first = 0; first < directions.size(); first += at_once) {
+    const std::size_t count = std::min(at_once, directions.size() - first);
+    for (std::size_t k = 0; k < count; ++k) {
+      aims[k] = aim(eye, directions[first + k], 0);
+      rays[k] = aims[k].ray;
+      if (aims[k].lost) rays[k] = {{}, 0, {1, 0, 0}, -1};  // meets nothing
+    }
+    visibility_.closest(std::span(rays).first(count), std::span(hits).first(count));
+    for (std::size_t k = 0; k < count; ++k) {
+      Seen& out = seen[first + k];
+      out = {};
+      if (aims[k].lost || hits[k].triangle == Visibility::nothing) continue;
+      out = seen_of(hits[k], aims[k]);
+      if (!out.front) out = front(eye, directions[first + k]).value_or(Seen{});
+    }
+  }
 }
 
 std::optional<Sight::Seen> Sight::front(Vec3 eye, Vec3 direction) const {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "interflect/formfactor/visibility.h"
@@ -24,6 +25,9 @@ class Sight {
   [[nodiscard]] std::optional<Seen> first(Vec3 eye, Vec3 direction) const { return next(eye, direction, 0); }
   /// The first front; backs before it are not there.
   [[nodiscard]] std::optional<Seen> front(Vec3 eye, Vec3 direction) const;
+  /// The first fronts along many directions from one eye; seen[k].front is false where there is none. Fast where
+  /// neighbours in the list are neighbours in the picture.
+  void fronts(Vec3 eye, std::span<const Vec3> directions, std::span<Seen> seen) const;
 
   /// The diagonal of the scene's bounding box, and its corners.
   [[nodiscard]] double extent() const { return box_.extent(); }
@@ -32,6 +36,15 @@ class Sight {
 
  private:
   [[nodiscard]] std::optional<Seen> next(Vec3 eye, Vec3 direction, double near) const;
+  /// A ray as the scaled scene needs it.
+  struct Aim {
+    Visibility::Ray ray;
+    double unit = 1;     ///< length of the direction there
+    double skipped = 0;  ///< of the way to the scene
+    bool lost = false;   ///< it cannot meet anything
+  };
+  [[nodiscard]] Aim aim(Vec3 eye, Vec3 direction, double near) const;
+  [[nodiscard]] Seen seen_of(const Visibility::Hit& hit, const Aim& aim) const;
 
   struct Box {
     explicit Box(const PatchMesh& mesh);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 #include <span>
 
@@ -47,6 +48,20 @@ bool same_ray(const Entry& a, int i, const Entry& b, int j) {
   return a.end[p] == b.end[q] || dot(a.ray[p], b.ray[q]) > 1 - 1e-6;
 }
 
+/// Whether a wall that need not have a vertex here stands on edge i of a where it leaves the vertex.
+bool walled(const Walls& walls, const Entry& a, int i) {
+  constexpr double near = 0.01;
+  // The ray to the next corner runs along the patch's edge of the same number, the other one back along the edge
+  // before.
+  return i == 0 ? walls.on_edge(a.patch, a.corner, near) : walls.on_edge(a.patch, (a.corner + 2) % 3, 1 - near);
+}
+
+/// Whether a wall runs from the vertex into the patch: what is left and right of it do not belong together.
+bool split(const Walls& walls, const Entry& a) {
+  const Cut* cut = walls.cut(a.patch);
+  return cut != nullptr && cut->part[a.corner] == 0;
+}
+
 /// Whether a third patch rises from the edge that a and b share (a's edge i), on the front of both: a wall on a floor.
 bool divided(const PatchMesh& mesh, std::span<const Entry> fan, const Entry& a, int i, const Entry& b) {
   const Vec3 along = a.ray[static_cast<std::size_t>(i)];
@@ -62,20 +77,22 @@ bool divided(const PatchMesh& mesh, std::span<const Entry> fan, const Entry& a, 
   return false;
 }
 
-void connect_small(const PatchMesh& mesh, std::span<const Entry> fan, const Continues& continues, FanUnion& sets) {
+void connect_small(const PatchMesh& mesh, std::span<const Entry> fan, const Continues& continues, const Walls& walls,
+                   FanUnion& sets) {
   for (std::size_t a = 0; a < fan.size(); ++a) {
     for (std::size_t b = a + 1; b < fan.size(); ++b) {
-      if (!continues(fan[a].patch, fan[b].patch)) continue;
+      if (!continues(fan[a].patch, fan[b].patch) || split(walls, fan[a]) || split(walls, fan[b])) continue;
       for (int edges = 0; edges < 4; ++edges) {
         const int i = edges / 2, j = edges % 2;
-        if (same_ray(fan[a], i, fan[b], j) && !divided(mesh, fan, fan[a], i, fan[b])) sets.unite(a, b);
+        if (!same_ray(fan[a], i, fan[b], j) || divided(mesh, fan, fan[a], i, fan[b])) continue;
+        if (!walled(walls, fan[a], i) && !walled(walls, fan[b], j)) sets.unite(a, b);
       }
     }
   }
 }
 
 /// Without the quadratic search: only patches that share an edge, found by its other end.
-void connect_large(std::span<const Entry> fan, const Continues& continues, FanUnion& sets) {
+void connect_large(std::span<const Entry> fan, const Continues& continues, const Walls& walls, FanUnion& sets) {
   std::vector<std::pair<std::uint32_t, std::size_t>> ends;
   for (std::size_t a = 0; a < fan.size(); ++a) {
     for (const std::uint32_t end : fan[a].end) ends.emplace_back(end, a);
@@ -84,6 +101,9 @@ void connect_large(std::span<const Entry> fan, const Continues& continues, FanUn
   for (std::size_t k = 0; k < ends.size(); ++k) {
     const std::size_t stop = std::min(ends.size(), k + 8);
     for (std::size_t l = k + 1; l < stop && ends[l].first == ends[k].first; ++l) {
+      const Entry &a = fan[ends[k].second], &b = fan[ends[l].second];
+      if (split(walls, a) || split(walls, b)) continue;
+      if (walled(walls, a, a.end[0] == ends[k].first ? 0 : 1)) continue;
       if (continues(fan[ends[k].second].patch, fan[ends[l].second].patch)) sets.unite(ends[k].second, ends[l].second);
     }
   }
@@ -132,10 +152,57 @@ bool Continues::operator()(std::uint32_t i, std::uint32_t j) const {
   return m.reflectance[i] == m.reflectance[j] && m.emittance[i] == m.emittance[j];
 }
 
-SmoothMesh smooth_mesh(const PatchMesh& mesh, double crease) {
+/// How much patch i's radiosity says about its corner k: its area; nothing where a good part of the patch lies on the
+/// other side of a wall; next to nothing where a small one does, so that it counts where no whole patch is there.
+double weight_of(const PatchMesh& mesh, const Walls& walls, std::uint32_t i, std::size_t k) {
+  constexpr double nearly_all = 0.9, next_to_nothing = 1e-6;
+  const Cut* cut = walls.cut(i);
+  if (cut == nullptr) return mesh.area[i];
+  return cut->share[k] >= nearly_all ? next_to_nothing * mesh.area[i] : 0;
+}
+
+/// The smooth vertices that no patch gives a value, each with neighbours on its own side of the walls that have one,
+/// ring by ring.
+std::vector<SmoothMesh::Filled> find_filled(const PatchMesh& mesh, const SmoothMesh& smooth) {
+  std::vector<SmoothMesh::Filled> filled;
+  if (smooth.walls.size() == 0) return filled;
+  std::vector<bool> known(smooth.size(), false);
+  for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (weight_of(mesh, smooth.walls, i, k) > 0) known[smooth.corners[i][k]] = true;
+    }
+  }
+  std::vector<std::uint32_t> patches;  // with a corner that is not known
+  for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+    const auto& c = smooth.corners[i];
+    if (!known[c[0]] || !known[c[1]] || !known[c[2]]) patches.push_back(i);
+  }
+  for (bool more = true; more;) {
+    std::map<std::uint32_t, std::vector<std::uint32_t>> ring;
+    for (const std::uint32_t i : patches) {
+      const Cut* cut = smooth.walls.cut(i);
+      for (std::size_t k = 0; k < 3; ++k) {
+        if (known[smooth.corners[i][k]]) continue;
+        for (std::size_t l = 0; l < 3; ++l) {
+          const bool here = cut == nullptr || (cut->part[k] >> l & 1U) != 0;
+          if (here && known[smooth.corners[i][l]]) ring[smooth.corners[i][k]].push_back(smooth.corners[i][l]);
+        }
+      }
+    }
+    for (auto& [vertex, from] : ring) {
+      known[vertex] = true;
+      filled.push_back({vertex, std::move(from)});
+    }
+    more = !ring.empty();
+  }
+  return filled;
+}
+
+SmoothMesh smooth_mesh(const PatchMesh& mesh, double crease, bool walls) {
   const Continues continues(mesh, crease);
   const Fans fans = collect_fans(mesh);
   SmoothMesh smooth;
+  if (walls) smooth.walls = Walls(mesh, continues);
   smooth.corners.resize(mesh.size());
   std::vector<Entry> fan;
   for (std::uint32_t v = 0; v < mesh.vertices.size(); ++v) {
@@ -143,9 +210,9 @@ SmoothMesh smooth_mesh(const PatchMesh& mesh, double crease) {
     for (std::size_t k = fans.start[v]; k < fans.start[v + 1]; ++k) fan.push_back(make_entry(mesh, fans.corner[k]));
     FanUnion sets(fan.size());
     if (fan.size() <= small_fan) {
-      connect_small(mesh, fan, continues, sets);
+      connect_small(mesh, fan, continues, smooth.walls, sets);
     } else {
-      connect_large(fan, continues, sets);
+      connect_large(fan, continues, smooth.walls, sets);
     }
     // A set's smallest member is its root, so it is numbered before the others ask for it.
     for (std::size_t k = 0; k < fan.size(); ++k) {
@@ -163,7 +230,38 @@ SmoothMesh smooth_mesh(const PatchMesh& mesh, double crease) {
   }
   for (Vec3& n : smooth.normal) n = normalized(n);
   smooth.hanging = find_hanging(mesh, smooth, continues);
+  smooth.filled = find_filled(mesh, smooth);
   return smooth;
+}
+
+/// Values for the vertices that have none because walls stand on all their patches: from their neighbours, else, on
+/// islands between walls, from those patches after all.
+void fill(const SmoothMesh& smooth, const PatchMesh& mesh, const std::vector<Rgb>& radiosity, std::vector<Rgb>& value,
+          std::vector<double>& weight) {
+  for (const auto& f : smooth.filled) {
+    if (weight[f.vertex] > 0) continue;
+    for (const std::uint32_t from : f.from) {
+      if (!(weight[from] > 0)) continue;
+      for (std::size_t c = 0; c < 3; ++c) value[f.vertex][c] += value[from][c];
+      weight[f.vertex] += 1;
+    }
+    for (double& c : value[f.vertex]) c = weight[f.vertex] > 0 ? c / weight[f.vertex] : 0;
+  }
+  if (smooth.walls.size() == 0) return;
+  std::vector<double> area(smooth.size(), 0);
+  for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+    const Rgb& b = radiosity[i];
+    if (smooth.walls.cut(i) == nullptr || !std::isfinite(b[0] + b[1] + b[2])) continue;
+    for (const std::uint32_t s : smooth.corners[i]) {
+      if (weight[s] > 0) continue;
+      for (std::size_t c = 0; c < 3; ++c) value[s][c] += mesh.area[i] * b[c];
+      area[s] += mesh.area[i];
+    }
+  }
+  for (std::size_t s = 0; s < smooth.size(); ++s) {
+    if (area[s] > 0)
+      for (double& c : value[s]) c /= area[s];
+  }
 }
 
 std::vector<Rgb> smooth_radiosities(const SmoothMesh& smooth, const PatchMesh& mesh,
@@ -177,14 +275,17 @@ std::vector<Rgb> smooth_radiosities(const SmoothMesh& smooth, const PatchMesh& m
   for (std::size_t i = 0; i < mesh.size(); ++i) {
     const Rgb& b = radiosity[i];
     if (!std::isfinite(b[0]) || !std::isfinite(b[1]) || !std::isfinite(b[2])) continue;
-    for (const std::uint32_t s : smooth.corners[i]) {
-      for (std::size_t c = 0; c < 3; ++c) value[s][c] += mesh.area[i] * b[c];
-      weight[s] += mesh.area[i];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t s = smooth.corners[i][k];
+      const double w = weight_of(mesh, smooth.walls, static_cast<std::uint32_t>(i), k);
+      for (std::size_t c = 0; c < 3; ++c) value[s][c] += w * b[c];
+      weight[s] += w;
     }
   }
   for (std::size_t s = 0; s < smooth.size(); ++s) {
     for (double& c : value[s]) c = weight[s] > 0 ? c / weight[s] : 0;
   }
+  fill(smooth, mesh, radiosity, value, weight);
   for (const auto& h : smooth.hanging) {
     for (std::size_t c = 0; c < 3; ++c) value[h.vertex][c] = 0.5 * (value[h.ends[0]][c] + value[h.ends[1]][c]);
   }

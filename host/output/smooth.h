@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "interflect/output/output.h"
+#include "interflect/output/walls.h"
 
 namespace interflect {
 
@@ -20,15 +21,28 @@ struct SmoothMesh {
     std::array<std::uint32_t, 2> ends{};
   };
   std::vector<Hanging> hanging;
+  /// What stands on the patches: light does not mix across it.
+  Walls walls;
+  /// A smooth vertex all of whose patches go on under a wall: it takes the mean of these others, in this order.
+  struct Filled {
+    std::uint32_t vertex = 0;
+    std::vector<std::uint32_t> from;
+  };
+  std::vector<Filled> filled;
 
   [[nodiscard]] std::size_t size() const { return vertex.size(); }
 };
 
-/// Finds the surfaces around every vertex. O(N log N) but for vertices with more than 64 patches around them, where
-/// only patches that share a whole edge are connected.
-[[nodiscard]] SmoothMesh smooth_mesh(const PatchMesh& mesh, double crease = 0.8);
+/// The largest angle, in radians, between patches that are shaded as one surface.
+inline constexpr double smooth_crease = 0.8;
 
-/// The radiosity at each smooth vertex: area-weighted mean over its patches, hanging vertices interpolated.
+/// Finds the surfaces around every vertex. O(N log N) but for vertices with more than 64 patches around them, where
+/// only patches that share a whole edge are connected. With `walls` a surface also ends at walls that share no vertex
+/// with it.
+[[nodiscard]] SmoothMesh smooth_mesh(const PatchMesh& mesh, double crease = smooth_crease, bool walls = true);
+
+/// The radiosity at each smooth vertex: area-weighted mean over its patches, hanging vertices interpolated. A patch
+/// that goes on under a wall takes part only at corners whose part is nearly the whole of it.
 [[nodiscard]] std::vector<Rgb> smooth_radiosities(const SmoothMesh& smooth, const PatchMesh& mesh,
                                                   const std::vector<Rgb>& radiosity);
 

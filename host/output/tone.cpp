@@ -70,4 +70,12 @@ double surface_exposure(const PatchMesh& mesh, const std::vector<Rgb>& radiosity
   return automatic_exposure(std::move(values), ToneMap::linear);
 }
 
+double color_scale(const PatchMesh& mesh, const std::vector<Rgb>& radiosity) {
+  constexpr double very_dark = 16;
+  double largest = 0;
+  for (const Rgb& b : radiosity) largest = std::max(largest, brightness(b));
+  const double exposure = surface_exposure(mesh, radiosity);
+  return largest <= 1 && exposure <= very_dark ? 1 : exposure;
+}
+
 }  // namespace interflect

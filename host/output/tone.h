@@ -40,6 +40,10 @@ struct Brightness {
 /// from anywhere.
 [[nodiscard]] double surface_exposure(const PatchMesh& mesh, const std::vector<Rgb>& radiosity);
 
+/// The factor from radiosity to the colours within 0..1 that files for screens hold: 1 when all radiosities are within
+/// 0..1 and not very dark, else surface_exposure().
+[[nodiscard]] double color_scale(const PatchMesh& mesh, const std::vector<Rgb>& radiosity);
+
 /// The largest channel, 0 at least; channels that are not finite count as 0.
 [[nodiscard]] double brightness(const Rgb& colour);
 

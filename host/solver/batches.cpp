@@ -82,6 +82,7 @@ SolveReport BatchedSolve::report() const {
     if (!batch.done) continue;
     const SolveReport& one = *batch.done;
     all.converged = all.converged && one.converged;
+    all.interrupted = all.interrupted || one.interrupted;
     all.iterations = std::max(all.iterations, one.iterations);
     all.passes = std::max(all.passes, one.passes);
     all.products += one.products;

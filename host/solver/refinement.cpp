@@ -77,7 +77,7 @@ void Refinement::run() {
     verdict = pass(next);
     improved = accept(next);
     report_.converged = within_tolerance();
-    if (report_.converged || verdict == Verdict::not_finite || budget() == 0) break;
+    if (report_.converged || report_.interrupted || verdict == Verdict::not_finite || budget() == 0) break;
   }
   if (!report_.converged) say_why(verdict);
 }
@@ -159,8 +159,11 @@ Verdict Refinement::iterate(std::span<const float> target) {
     }
     bar_.show(stop_.iterations ? static_cast<double>(made_) / *stop_.iterations
                                : progress_made(stop_.tolerance, worst));
+    if (made_ > 0) bar_.iteration(made_, worst);
     const bool exactly = stop_.iterations.has_value() && verdict != Verdict::not_finite;
     if ((verdict != Verdict::go_on && !exactly) || budget() == 0) return verdict;
+    report_.interrupted = made_ > 0 && bar_.interrupted();
+    if (report_.interrupted) return verdict;
     if (made_ > kept_ && since_checkpoint_.seconds() >= interval_) take_checkpoint();
     correction_->iterate();
     count(1);
@@ -191,7 +194,9 @@ bool Refinement::accept(Columns& next) {
 void Refinement::say_why(Verdict verdict) const {
   const double worst = *std::max_element(report_.relative_residual.begin(), report_.relative_residual.end());
   const std::string left = fmt::format("the relative residual is {:.2g}, {:.2g} was asked for", worst, stop_.tolerance);
-  if (verdict == Verdict::not_finite) {
+  if (report_.interrupted) {
+    report_.reason = fmt::format("interrupted after {} iterations; {}", report_.iterations, left);
+  } else if (verdict == Verdict::not_finite) {
     report_.reason = fmt::format("the residual is no longer finite after {} iterations; {}", report_.iterations, left);
   } else if (budget() == 0) {
     report_.reason = fmt::format("the limit of {} iterations is reached; {}", made_, left);

@@ -33,10 +33,17 @@ class Bar {
     sink_->advance(percent - shown_);
     shown_ = percent;
   }
+  /// Once for each: a pass begins with a look at where the one before it ended.
+  void iteration(std::uint32_t number, double residual) {
+    if (sink_ != nullptr && number > told_) sink_->iteration(number, residual);
+    told_ = number;
+  }
+  [[nodiscard]] bool interrupted() const { return sink_ != nullptr && sink_->interrupted(); }
 
  private:
   ProgressSink* sink_;
   std::uint64_t shown_ = 0;
+  std::uint32_t told_ = 0;
 };
 
 /// One solve: b in fp32, its residual in double, and passes that correct b.

@@ -33,6 +33,7 @@ struct SolveReport {
   std::uint32_t passes = 0;    ///< single-precision solves; each after the first corrects the last one's residual
   std::uint32_t restarts = 0;  ///< BiCGSTAB's after a breakdown, all columns together
   std::string reason;          ///< one line saying why not, when not converged
+  bool interrupted = false;    ///< ProgressSink::interrupted() ended it, after one iteration at least
 };
 
 /// Where a solve begins, and what it leaves when a device fails on the way: the last good iterate. As a starting guess,

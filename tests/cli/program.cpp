@@ -81,4 +81,11 @@ std::string content_of(const std::string& path) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
+std::string glb_text(const std::string& path) {
+  const std::string bytes = content_of(path);
+  std::size_t length = 0;
+  for (std::size_t b = 4; b-- > 0;) length = 256 * length + static_cast<unsigned char>(bytes.at(12 + b));
+  return bytes.substr(20, length);
+}
+
 }  // namespace interflect::test

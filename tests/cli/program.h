@@ -36,5 +36,6 @@ class Folder {
 
 [[nodiscard]] std::string scene_file(const std::string& name);  ///< scenes/NAME of the source tree
 [[nodiscard]] std::string content_of(const std::string& path);
+[[nodiscard]] std::string glb_text(const std::string& path);  ///< the JSON chunk of a GLB file
 
 }  // namespace interflect::test

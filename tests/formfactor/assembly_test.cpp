@@ -287,7 +287,7 @@ TEST(Assembly, TooLittleMemoryIsSaidBeforeAnyWork) {
 
 class Counter : public ProgressSink {
  public:
-  void begin(std::string_view, std::uint64_t total) override { total_ = total; }
+  void begin(std::string_view, std::uint64_t total) override { total_ += total; }
   void advance(std::uint64_t steps) override { done_ += steps; }
   std::uint64_t total_ = 0;
   std::atomic<std::uint64_t> done_ = 0;

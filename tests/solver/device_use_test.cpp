@@ -2,7 +2,10 @@
 #include <gtest/gtest.h>
 #include <omp.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
+#include <optional>
 
 #include "interflect/base/error.h"
 #include "interflect/solver/solver.h"
@@ -152,6 +155,54 @@ TEST_P(DeviceUse, ShowsProgressToTheEnd) {
   EXPECT_GE(sink.done_, 90U);
   EXPECT_LE(sink.done_, 100U);
   EXPECT_TRUE(sink.ended_);
+}
+
+/// Wants no more after so many iterations.
+class ImpatientSink final : public ProgressSink {
+ public:
+  explicit ImpatientSink(std::uint32_t most) : most_(most) {}
+  void iteration(std::uint32_t number, double residual) override {
+    EXPECT_EQ(number, last_ + 1);
+    last_ = number;
+    residual_ = residual;
+  }
+  bool interrupted() override { return last_ >= most_; }
+  std::uint32_t most_, last_ = 0;
+  double residual_ = 0;
+};
+
+TEST_P(DeviceUse, AnInterruptedSolveGivesTheBestSoFar) {
+  const Room room = make_room(5, 2);
+  const Light light = lamp_light(room, 0.9F);
+  Scheduler scheduler(room.form_factors, openmp(), 3);
+  StopTest stop;
+  const auto solved = [&](std::uint32_t most, Columns& b) {
+    ImpatientSink sink(most);
+    const SolveReport report =
+        solve(scheduler, GetParam(), stop, room.area, light.reflectance, light.emittance, b, &sink);
+    const double worst = *std::max_element(report.relative_residual.begin(), report.relative_residual.end());
+    // At least as good as what was shown; Jacobi's last bounce is in b, but not yet in what it shows.
+    EXPECT_TRUE(!report.interrupted || worst <= 1.001 * sink.residual_ + 1e-6) << worst << " " << sink.residual_;
+    EXPECT_TRUE(!report.interrupted || worst >= 0.3 * sink.residual_) << worst << " " << sink.residual_;
+    return report;
+  };
+  for (const auto iterations : {std::optional<std::uint32_t>{}, std::optional<std::uint32_t>{1000000}}) {
+    stop.iterations = iterations;
+    Columns b;
+    const SolveReport report = solved(2, b);
+    EXPECT_TRUE(report.interrupted);
+    EXPECT_FALSE(report.converged);
+    EXPECT_EQ(report.iterations, 2U);
+    EXPECT_NE(report.reason.find("interrupted after 2 iterations"), std::string::npos) << report.reason;
+    for (const auto& column : b) {
+      for (const float value : column) EXPECT_TRUE(std::isfinite(value));
+    }
+  }
+  stop.iterations.reset();
+  Columns b;
+  const SolveReport whole = solved(1000000, b);  // nobody interrupts
+  EXPECT_TRUE(whole.converged);
+  EXPECT_FALSE(whole.interrupted);
 }
 
 }  // namespace
