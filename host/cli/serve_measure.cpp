@@ -23,18 +23,13 @@ double processor_seconds() {
 /// The material with the largest area that does not emit.
 std::size_t wall_of(const serve::LiveScene& scene) {
   const auto& materials = scene.materials();
-  std::vector<double> area(materials.size());
-  for (std::size_t m = 0; m < materials.size(); ++m) {
-    for (std::size_t i = 0; i < scene.mesh().size() && !materials[m].emits; ++i) {
-      const auto& surfaces = materials[m].surfaces;
-      if (std::binary_search(surfaces.begin(), surfaces.end(), scene.mesh().surface[i]))
-        area[m] += scene.mesh().area[i];
-    }
-  }
-  const auto largest = std::max_element(area.begin(), area.end());
-  if (largest == area.end() || *largest == 0)
+  const auto reflecting = [](const serve::LiveMaterial& m) { return m.emits ? 0 : m.area; };
+  const auto largest = std::max_element(materials.begin(), materials.end(),
+                                        [&](const auto& a, const auto& b) { return reflecting(a) < reflecting(b); });
+  if (largest == materials.end() || largest->emits) {
     throw Error(ErrorKind::input, "the scene has no material that only reflects");
-  return static_cast<std::size_t>(largest - area.begin());
+  }
+  return static_cast<std::size_t>(largest - materials.begin());
 }
 
 }  // namespace

@@ -49,7 +49,6 @@ LiveScene::LiveScene(const PatchMesh& mesh, LightGroups groups, const std::vecto
 }
 
 void LiveScene::collect() {
-  std::vector<double> area(materials_.size());
   std::vector<std::size_t> first(materials_.size(), mesh_.size());
   std::vector<std::set<std::uint32_t>> surfaces(materials_.size());
   for (std::size_t i = 0; i < mesh_.size(); ++i) {
@@ -57,7 +56,7 @@ void LiveScene::collect() {
     LiveMaterial& material = materials_[m];
     ++material.patches;
     surfaces[m].insert(mesh_.surface[i]);
-    area[m] += mesh_.area[i];
+    material.area += mesh_.area[i];
     first[m] = std::min(first[m], i);
     for (std::size_t c = 0; c < channels; ++c) {
       material.reflectance[c] += mesh_.area[i] * mesh_.reflectance[i][c];
@@ -72,8 +71,9 @@ void LiveScene::collect() {
     material.surfaces.assign(surfaces[m].begin(), surfaces[m].end());
     for (std::size_t c = 0; c < channels; ++c) {
       // The mean of equal values is that value, to the last bit.
-      material.reflectance[c] = material.varies ? material.reflectance[c] / area[m] : mesh_.reflectance[first[m]][c];
-      material.emittance[c] = material.varies ? material.emittance[c] / area[m] : mesh_.emittance[first[m]][c];
+      material.reflectance[c] =
+          material.varies ? material.reflectance[c] / material.area : mesh_.reflectance[first[m]][c];
+      material.emittance[c] = material.varies ? material.emittance[c] / material.area : mesh_.emittance[first[m]][c];
     }
   }
 }

@@ -22,6 +22,7 @@ struct LiveMaterial {
   std::string name;                     ///< unique, never empty, on one line
   std::vector<std::uint32_t> surfaces;  ///< of PatchMesh::surfaces
   std::uint64_t patches = 0;
+  double area = 0;
   Rgb reflectance{}, emittance{};  ///< means over its area
   bool emits = false;              ///< some patch of it does
   bool varies = false;             ///< a texture makes its patches differ

@@ -142,6 +142,7 @@ std::string Site::scene_json() const {
   for (const LiveMaterial& m : scene_.materials()) {
     materials.push_back({{"name", m.name},
                          {"patches", m.patches},
+                         {"area", m.area},
                          {"surfaces", m.surfaces},
                          {"reflectance", m.reflectance},
                          {"emittance", m.emits ? Json(m.emittance) : Json()},

@@ -126,6 +126,7 @@ class Live {
   async begin() {
     try {
       this.scene = await this.get("/scene");
+      this.scene.materials.sort((a, b) => b.area - a.area);  // walls first
       this.build();
       document.documentElement.dataset.live = "1";
       this.listDevices(await this.get("/devices"));
