@@ -4,6 +4,7 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
+#include <numeric>
 
 #include "interflect/base/error.h"
 #include "interflect/output/lit_mesh.h"
@@ -46,7 +47,9 @@ TEST(SolvedGlb, GivesThePictureThatTheSolutionGives) {
   write_glb(lit->solution, folder / "room.glb");
   const auto back = read_solved_glb(folder / "room.glb");
   ASSERT_TRUE(back);
-  EXPECT_EQ(back->mesh.size(), lit->mesh.size());
+  EXPECT_GT(back->mesh.size(), lit->mesh.size()) << "patches are cut where finer ones meet them";
+  const auto whole = [](const PatchMesh& mesh) { return std::accumulate(mesh.area.begin(), mesh.area.end(), 0.0); };
+  EXPECT_NEAR(whole(back->mesh), whole(lit->mesh), 1e-5 * whole(lit->mesh));
   const Picture before = render(lit->solution, view()), after = Renderer(*back).render(view());
   // Lamps do not count for the exposure: so the file must know them.
   EXPECT_NEAR(after.exposure, before.exposure, 1e-3 * before.exposure);
