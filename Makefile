@@ -41,7 +41,7 @@ bundle: deps build/release/build.ninja
 
 # The documentation as a site that opens from disk.
 docs: deps
-	mkdocs build --strict --quiet
+	mkdocs build --strict
 	@echo "The site is $(CURDIR)/build/site/index.html"
 
 install: build

@@ -16,7 +16,7 @@ import urllib.request
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 COMMAND = re.compile(r"\s*(?:\$ )?interflect (solve|view|render|serve|formfactors|devices|check|bench|tune)\b")
-DIRECTIVE = re.compile(r"<!-- (not run|file|status|until stopped)(?:: *(.*?))? *-->$")
+DIRECTIVE = re.compile(r"<!-- (not run|file|same as|status|until stopped)(?:: *(.*?))? *-->$")
 FENCE = re.compile(r"```(\w*)$")
 WRITES = ("-o", "--output", "--report", "--lightmap-image", "--form-factors", "--csv", "--plot")
 LIMIT = 300  # seconds for one command
@@ -166,6 +166,10 @@ def run_page(program, path):
             if "file" in block.directives:
                 with open(os.path.join(folder, block.directives["file"]), "w", encoding="utf-8") as file:
                     file.write("\n".join(block.text) + "\n")
+            elif "same as" in block.directives:
+                with open(os.path.join(ROOT, block.directives["same as"]), encoding="utf-8") as file:
+                    if file.read().strip() != "\n".join(block.text).strip():
+                        raise Wrong(f"{where}: not the same as {block.directives['same as']}")
             elif block.language == "output":
                 if printed is None:
                     raise Wrong(f"{where}: output of no command")

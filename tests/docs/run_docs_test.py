@@ -6,7 +6,7 @@ import sys
 import tempfile
 import unittest
 
-from run_docs import Wrong, run_page, taken
+from run_docs import ROOT, Wrong, run_page, taken
 
 PROGRAM = os.path.abspath(sys.argv[1])
 SOLVE = "interflect solve scenes/furnace.obj --divide 0.1 --report furnace.json"
@@ -69,6 +69,13 @@ class Pages(unittest.TestCase):
         self.fails("<!-- file: room.obj -->\nText.\n", "before no block")
         self.fails("```sh\n" + SOLVE + "\n", "does not end")
         self.fails(output("something"), "output of no command")
+
+    def test_a_copy_of_a_file(self):
+        with open(os.path.join(ROOT, "examples/read-radiosities/CMakeLists.txt"), encoding="utf-8") as file:
+            text = file.read()
+        mark = "<!-- same as: examples/read-radiosities/CMakeLists.txt -->\n```cmake\n"
+        self.assertEqual(0, self.page(mark + text + "```\n"))
+        self.fails(mark + text.replace("REQUIRED", "") + "```\n", "not the same as examples")
 
     def test_readme(self):
         self.assertEqual(1, self.page("    " + SOLVE + "\n", check=taken))

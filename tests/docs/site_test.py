@@ -65,7 +65,7 @@ def complaints(site):
 
 def build(folder, source=ROOT):
     """The site of `source` in `folder`; what mkdocs said when it failed."""
-    result = subprocess.run(["mkdocs", "build", "--strict", "--quiet", "--site-dir", folder, "--config-file",
+    result = subprocess.run(["mkdocs", "build", "--strict", "--site-dir", folder, "--config-file",
                              os.path.join(source, "mkdocs.yml")], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                             check=False)
     return result.stdout or "failed" if result.returncode else ""
@@ -84,6 +84,7 @@ def main():
         source, other = os.path.join(folder, "source"), os.path.join(folder, "other")
         os.makedirs(os.path.join(source, "docs"))
         shutil.copy(os.path.join(ROOT, "mkdocs.yml"), source)
+        shutil.copytree(os.path.join(ROOT, "scripts"), os.path.join(source, "scripts"))
         with open(os.path.join(source, "mkdocs.yml"), "a", encoding="utf-8") as file:
             file.write("extra_javascript: ['https://example.com/x.js']\n")
         shutil.copytree(os.path.join(ROOT, "docs"), os.path.join(source, "docs"), dirs_exist_ok=True)
