@@ -63,14 +63,22 @@ def blocks(text, name):
 
 
 def commands(lines):
-    """The commands of a block: a line each, or several that end in a backslash."""
+    """The commands of a block: a line each, or several that end in a backslash or within quotes."""
     whole = ""
     for line in lines:
-        whole += line[:-1] + " " if line.endswith("\\") else line
-        if not line.endswith("\\"):
-            if shlex.split(whole, comments=True):
-                yield whole
-            whole = ""
+        if line.endswith("\\"):
+            whole += line[:-1] + " "
+            continue
+        try:
+            some = shlex.split(whole + line, comments=True)
+        except ValueError:  # a quote that does not end here
+            whole += line + "\n"
+            continue
+        if some:
+            yield whole + line
+        whole = ""
+    if whole:
+        raise Wrong(f"a command that does not end: {whole}")
 
 
 def promised(command):

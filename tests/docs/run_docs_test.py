@@ -69,6 +69,8 @@ class Pages(unittest.TestCase):
         self.fails("<!-- file: room.obj -->\nText.\n", "before no block")
         self.fails("```sh\n" + SOLVE + "\n", "does not end")
         self.fails(output("something"), "output of no command")
+        self.fails(sh("echo 'a"), "does not end")
+        self.fails(sh("interflect devices " + chr(92)), "does not end")
 
     def test_a_copy_of_a_file(self):
         with open(os.path.join(ROOT, "examples/read-radiosities/CMakeLists.txt"), encoding="utf-8") as file:
