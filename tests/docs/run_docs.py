@@ -108,7 +108,7 @@ class Runner:
         self.folder = folder
         # No drivers: pages promise nothing of a GPU. Nothing that the user has kept is read or written.
         self.environment = dict(os.environ, OCL_ICD_VENDORS="/nonexistent", VK_ICD_FILENAMES="/nonexistent",
-                                VK_DRIVER_FILES="/nonexistent", XDG_CACHE_HOME=os.path.join(folder, ".cache"),
+                                VK_DRIVER_FILES="/nonexistent", CUDA_VISIBLE_DEVICES="", XDG_CACHE_HOME=os.path.join(folder, ".cache"),
                                 PATH=os.path.dirname(os.path.abspath(program)) + os.pathsep + os.environ.get("PATH", ""))
 
     def run(self, command, status, where):
