@@ -1,8 +1,8 @@
 # The two commands of a newcomer: `make demo` and `make test`. Everything else is CMake with its presets.
-.PHONY: deps build demo test asan emulated bundle install format tidy clean
+.PHONY: deps build demo test asan emulated bundle docs install format tidy clean
 
 # install-deps has installed these: a test that does not find them fails instead of being skipped.
-REQUIRED = INTERFLECT_TEST_REQUIRE=opencl:0,vulkan:0,blender,chromium
+REQUIRED = INTERFLECT_TEST_REQUIRE=opencl:0,vulkan:0,blender,chromium,mkdocs
 
 deps:
 	@scripts/install-deps.sh
@@ -38,6 +38,11 @@ emulated: build
 bundle: deps build/release/build.ninja
 	cmake --build --preset release --target interflect-program
 	scripts/make-bundle.sh build/release build/bundle
+
+# The documentation as a site that opens from disk.
+docs: deps
+	mkdocs build --strict
+	@echo "The site is $(CURDIR)/build/site/index.html"
 
 install: build
 	cmake --install build/release

@@ -29,6 +29,8 @@ packages=(
   assimp-utils openexr blender
   # a browser that opens the page
   chromium chromium-driver
+  # the documentation as a site
+  mkdocs
 )
 
 missing=()
