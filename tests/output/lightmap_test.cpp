@@ -37,8 +37,9 @@ double cross2(Vec2 a, Vec2 b, Vec2 c) {
 /// visit(x, y, weights of the corners) for each texel whose centre is in the triangle.
 template <class Visit>
 void for_texels_in(const std::array<Vec2, 3>& t, const Visit& visit) {
-  const auto low = [](double a, double b, double c) { return static_cast<int>(std::floor(std::min({a, b, c}))); };
-  const auto high = [](double a, double b, double c) { return static_cast<int>(std::ceil(std::max({a, b, c}))); };
+  const auto whole = [](double v) { return static_cast<int>(std::clamp(v, -1e6, 1e6)); };  // twins go far outside
+  const auto low = [&](double a, double b, double c) { return whole(std::floor(std::min({a, b, c}))); };
+  const auto high = [&](double a, double b, double c) { return whole(std::ceil(std::max({a, b, c}))); };
   const double area = cross2(t[0], t[1], t[2]);
   for (int y = low(t[0].y, t[1].y, t[2].y); y < high(t[0].y, t[1].y, t[2].y); ++y) {
     for (int x = low(t[0].x, t[1].x, t[2].x); x < high(t[0].x, t[1].x, t[2].x); ++x) {
