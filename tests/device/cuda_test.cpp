@@ -63,7 +63,7 @@ TEST_P(CudaKernels, StayWithinTheirBounds) {
   const bool all = GetParam().second == Order::forwards;
   test::CudaOnCpu device("", all ? test::CudaOnCpu::large : test::CudaOnCpu::small);
   const std::vector<KernelCheck> rows = check_device(device);
-  EXPECT_EQ(rows.size(), 1148U);
+  EXPECT_GE(rows.size(), 1165U) << "cases are missing";
   for (const KernelCheck& row : rows) {
     // Most of these do not fit into the small device; cuda_packed_test.cpp runs the 16-bit formats in every order.
     const bool may_be_large =

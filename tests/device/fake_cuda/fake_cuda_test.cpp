@@ -97,7 +97,7 @@ TEST_F(FakeCuda, EveryKernelPassesTheCheck) {
     if (sanitized) {
       EXPECT_GT(rows.size(), 100U);
     } else {
-      EXPECT_EQ(rows.size(), 1148U);
+      EXPECT_GE(rows.size(), 1165U) << "cases are missing";
     }
     for (const KernelCheck& row : rows) {
       EXPECT_EQ(row.status, CheckStatus::pass)
