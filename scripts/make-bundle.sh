@@ -51,12 +51,13 @@ cp "$source/LICENSE" "$source/README.md" "$root/"
 } > "$root/VERSION"
 
 tar -C "$out" -czf "$root.tar.gz" "$name"
-for path in "$root" "$root.tar.gz"; do
-  bytes=$(du -sb "$path" | cut -f 1)
-  echo "$path: $((bytes / 1024)) KiB"
-done
-# The archive is what travels.
-if [ "$bytes" -ge $((64 * 1024 * 1024)) ]; then
+echo "$root: $(($(du -sb "$root" | cut -f 1) / 1024)) KiB"
+# Program and libraries, and the archive that travels.
+limit=$((64 * 1024 * 1024))
+code=$(($(du -sb "$root/bin" | cut -f 1) + $(du -sb "$root/lib" | cut -f 1)))
+archive=$(stat -c %s "$root.tar.gz")
+echo "$root.tar.gz: $((archive / 1024)) KiB, program and libraries in it $((code / 1024)) KiB"
+if [ "$code" -ge "$limit" ] || [ "$archive" -ge "$limit" ]; then
   echo "make-bundle: larger than 64 MiB" >&2
   exit 1
 fi
