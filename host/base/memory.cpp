@@ -8,6 +8,7 @@
 #include <fstream>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "interflect/base/error.h"
 
@@ -78,7 +79,20 @@ std::uint64_t available_memory() {
 }
 
 void PageBuffer::Unmap::operator()(std::byte* p) const noexcept {
-  ::munmap(p, mapped);
+  if (mapped > 0) ::munmap(p, mapped);
+}
+
+std::shared_ptr<const PageBuffer> PageBuffer::part(std::shared_ptr<const PageBuffer> whole, std::size_t offset,
+                                                   std::size_t bytes) {
+  if (offset > whole->size() || bytes > whole->size() - offset) {
+    throw Error(ErrorKind::internal,
+                fmt::format("bytes {} to {} of a buffer of {}", offset, offset + bytes, whole->size()));
+  }
+  auto made = std::make_shared<PageBuffer>();
+  made->data_ = std::unique_ptr<std::byte, Unmap>(whole->data() + offset, Unmap(0));
+  made->size_ = bytes;
+  made->whole_ = std::move(whole);
+  return made;
 }
 
 PageBuffer::PageBuffer(std::size_t bytes) : size_(bytes) {

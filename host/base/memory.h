@@ -22,6 +22,10 @@ class PageBuffer {
   PageBuffer() = default;
   /// Throws a limit Error when the system refuses.
   explicit PageBuffer(std::size_t bytes);
+  /// Some of the bytes of another one, in place; the whole lives as long. Throws an internal Error for bytes that it
+  /// has not.
+  [[nodiscard]] static std::shared_ptr<const PageBuffer> part(std::shared_ptr<const PageBuffer> whole,
+                                                              std::size_t offset, std::size_t bytes);
   [[nodiscard]] std::byte* data() const { return data_.get(); }
   [[nodiscard]] std::size_t size() const { return size_; }
 
@@ -34,6 +38,7 @@ class PageBuffer {
   };
   std::unique_ptr<std::byte, Unmap> data_;
   std::size_t size_ = 0;
+  std::shared_ptr<const PageBuffer> whole_;  ///< of a part
 };
 
 }  // namespace interflect

@@ -90,12 +90,19 @@ class PackedMatrix {
     std::uint32_t first = 0, units = 0;
     std::uint32_t strips = 0, tiles = 0;       ///< sym16, tiled16
     std::span<const std::byte> elements;       ///< halves
-    std::shared_ptr<const PageBuffer> shared;  ///< the elements' memory where it holds nothing else, else null
+    std::shared_ptr<const PageBuffer> shared;  ///< the elements' memory, alone or as a part; else null
     std::vector<std::uint32_t> index;
   };
   /// Cuts the matrix into panels of at most max_bytes of elements and max_units units. Throws a limit Error where a
   /// single unit is larger.
-  [[nodiscard]] std::vector<Panel> panels(std::uint64_t max_bytes, std::uint32_t max_units) const;
+  [[nodiscard]] std::vector<Panel> panels(std::uint64_t max_bytes, std::uint32_t max_units) const {
+    return panels(max_bytes, max_units, 0, units());
+  }
+  /// The same of the units [first, end) only.
+  [[nodiscard]] std::vector<Panel> panels(std::uint64_t max_bytes, std::uint32_t max_units, std::uint32_t first,
+                                          std::uint32_t end) const;
+  /// Elements before each unit, and all; for dense16 and tiled16, whose units are strips, row 8 u begins unit u.
+  [[nodiscard]] std::span<const std::uint64_t> elements_before() const { return unit_begin_; }
 
  private:
   struct Strip {
@@ -124,7 +131,7 @@ class PackedMatrix {
   void place_tiles(const std::vector<Made>& made);
   void make_chunks(std::uint64_t max_bytes);
   [[nodiscard]] Half* elements(std::uint32_t unit) const;
-  [[nodiscard]] Panel panel(std::uint32_t first, std::uint32_t end, const Chunk& chunk) const;
+  [[nodiscard]] Panel panel(std::uint32_t first, std::uint32_t end) const;
   void add_index(Panel& panel) const;
   void place_row(const FormFactorMatrix& form_factors, std::uint32_t place, std::uint32_t first, Half* out) const;
 

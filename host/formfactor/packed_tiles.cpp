@@ -217,21 +217,22 @@ void PackedMatrix::add_index(Panel& made) const {
   }
 }
 
-PackedMatrix::Panel PackedMatrix::panel(std::uint32_t first, std::uint32_t end, const Chunk& chunk) const {
+PackedMatrix::Panel PackedMatrix::panel(std::uint32_t first, std::uint32_t end) const {
   Panel made;
   made.first = first;
   made.units = end - first;
   const std::uint64_t halves = unit_begin_[end] - unit_begin_[first];
   made.elements = std::as_bytes(std::span(elements(first), halves));
-  if (first == chunk.first && end == chunk.end) made.shared = chunk.memory;
   add_index(made);
   return made;
 }
 
-std::vector<PackedMatrix::Panel> PackedMatrix::panels(std::uint64_t max_bytes, std::uint32_t max_units) const {
+std::vector<PackedMatrix::Panel> PackedMatrix::panels(std::uint64_t max_bytes, std::uint32_t max_units,
+                                                      std::uint32_t first_unit, std::uint32_t end_unit) const {
   std::vector<Panel> all;
   for (const Chunk& chunk : chunks_) {
-    for (std::uint32_t first = chunk.first; first < chunk.end;) {
+    const std::uint32_t chunk_first = std::max(first_unit, chunk.first), chunk_end = std::min(end_unit, chunk.end);
+    for (std::uint32_t first = chunk_first; first < chunk_end;) {
       const auto bytes = [&](std::uint32_t end) { return (unit_begin_[end] - unit_begin_[first]) * sizeof(Half); };
       std::uint32_t end = first + 1;
       if (bytes(end) > max_bytes) {
@@ -240,8 +241,16 @@ std::vector<PackedMatrix::Panel> PackedMatrix::panels(std::uint64_t max_bytes, s
                                                   storage_ == Storage::sym16 ? "one block" : "one row or strip",
                                                   name(storage_), bytes(end), max_bytes));
       }
-      while (end < chunk.end && end - first < max_units && bytes(end + 1) <= max_bytes) ++end;
-      all.push_back(panel(first, end, chunk));
+      while (end < chunk_end && end - first < max_units && bytes(end + 1) <= max_bytes) ++end;
+      all.push_back(panel(first, end));
+      // What the limits cut is copied; all that a chunk has of what was asked for may be used in place.
+      Panel& made = all.back();
+      if (first == chunk.first && end == chunk.end) {
+        made.shared = chunk.memory;
+      } else if (first == chunk_first && end == chunk_end && !made.elements.empty()) {
+        const std::uint64_t offset = (unit_begin_[first] - unit_begin_[chunk.first]) * sizeof(Half);
+        made.shared = PageBuffer::part(chunk.memory, offset, made.elements.size());
+      }
       first = end;
     }
   }

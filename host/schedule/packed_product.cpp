@@ -17,7 +17,7 @@ namespace {
 /// What the 16-bit formats share: panels of tiles with their index, the two scales, and x scaled once for all panels.
 ///
 /// Traffic of a product beside that of the tiles, in column values: scale 2 reads, 1 write.
-class PackedProduct : public Product {
+class PackedProduct : public PartProduct {
  public:
   [[nodiscard]] std::uint64_t needed_bytes() const override {
     std::uint64_t needed = std::uint64_t{shape_.vector_stride} * sizeof(float) * (2 + most_columns_);
@@ -27,11 +27,31 @@ class PackedProduct : public Product {
     }
     return needed;
   }
+  void take(std::uint32_t first, std::uint32_t end) override {
+    const DeviceInfo& info = device_.info();
+    const std::uint64_t most_bytes =
+        info.max_buffer_bytes != 0 ? info.max_buffer_bytes : std::numeric_limits<std::uint64_t>::max();
+    const auto most_units = static_cast<std::uint32_t>(
+        std::min<std::uint64_t>(info.max_groups * units_per_group_, std::numeric_limits<std::uint32_t>::max()));
+    panels_.clear();
+    try {
+      for (PackedMatrix::Panel& panel : form_factors_.panels(most_bytes, most_units, first, end)) {
+        std::unique_ptr<Buffer> shared = panel.shared != nullptr ? device_.share(panel.shared) : nullptr;
+        panels_.push_back({std::move(panel), std::move(shared), nullptr});
+      }
+    } catch (const Error& error) {
+      throw Error(error.kind(), fmt::format("{}: {}", info.id, error.what()));
+    }
+  }
+  [[nodiscard]] bool in_place() const override {
+    return device_.share(std::make_shared<PageBuffer>(std::size_t{1} << 12)) != nullptr;
+  }
   void place() override {
-    scale_ = compiled("scale", {});
+    if (scale_ == nullptr) scale_ = compiled("scale", {});
     use(shape_, groups_);
     make_room();
     for (Panel& panel : panels_) {
+      if (panel.index != nullptr) continue;
       if (panel.tiles == nullptr) {
         panel.tiles = panel.from.elements.empty() ? device_.allocate(sizeof(float)) : uploaded(panel.from.elements);
         uploaded_bytes_ += panel.from.elements.size();
@@ -40,6 +60,7 @@ class PackedProduct : public Product {
       uploaded_bytes_ += panel.index->size();
       panel.from.index = {};
     }
+    if (scaled_ != nullptr) return;
     in_ = uploaded(std::as_bytes(form_factors_.scale_in()));
     out_ = uploaded(std::as_bytes(form_factors_.scale_out()));
     uploaded_bytes_ += in_->size() + out_->size();
@@ -70,27 +91,14 @@ class PackedProduct : public Product {
 
   PackedProduct(const PackedMatrix& form_factors, Device& device, const VectorArguments& shape, std::uint32_t groups,
                 std::uint64_t units_per_group)
-      : Product(device, shape, groups), form_factors_(form_factors) {
-    const DeviceInfo& info = device.info();
-    const std::uint64_t most_bytes =
-        info.max_buffer_bytes != 0 ? info.max_buffer_bytes : std::numeric_limits<std::uint64_t>::max();
-    const auto most_units = static_cast<std::uint32_t>(
-        std::min<std::uint64_t>(info.max_groups * units_per_group, std::numeric_limits<std::uint32_t>::max()));
-    try {
-      for (PackedMatrix::Panel& panel : form_factors.panels(most_bytes, most_units)) {
-        std::unique_ptr<Buffer> shared = panel.shared != nullptr ? device.share(panel.shared) : nullptr;
-        panels_.push_back({std::move(panel), std::move(shared), nullptr});
-      }
-    } catch (const Error& error) {
-      throw Error(error.kind(), fmt::format("{}: {}", info.id, error.what()));
-    }
-  }
+      : PartProduct(device, shape, groups), form_factors_(form_factors), units_per_group_(units_per_group) {}
 
   /// Allocates and compiles what the format needs beside its product.
   virtual void make_room() {}
   virtual void multiply(Buffer& y) = 0;
 
   const PackedMatrix& form_factors_;
+  std::uint64_t units_per_group_;
   std::vector<Panel> panels_;
   std::unique_ptr<Kernel> scale_;
   std::unique_ptr<Buffer> in_, out_, scaled_;
@@ -153,9 +161,14 @@ class SymmetricProduct final : public PackedProduct {
     macros.insert_or_assign("BLOCK", static_cast<int>(form_factors_.block()));  // the matrix has been cut by it
     return compiled("sym16", macros);
   }
+  /// Of another part other sums stay zero.
+  void take(std::uint32_t first, std::uint32_t end) override {
+    PackedProduct::take(first, end);
+    partial_.reset();
+  }
   void make_room() override {
-    fold_ = compiled("sym16_fold", {});
-    partial_ = device_.allocate(partial_bytes());
+    if (fold_ == nullptr) fold_ = compiled("sym16_fold", {});
+    if (partial_ == nullptr) partial_ = device_.allocate(partial_bytes());
   }
   void multiply(Buffer& y) override {
     for (const Panel& panel : panels_) {
@@ -182,6 +195,23 @@ class SymmetricProduct final : public PackedProduct {
 
 std::unique_ptr<Product> make_product(const PackedMatrix& form_factors, Device& device, const VectorArguments& shape,
                                       std::uint32_t groups) {
+  std::unique_ptr<PartProduct> product = make_part(form_factors, device, shape, groups);
+  product->take(0, form_factors.units());
+  return product;
+}
+
+Division division_of(const PackedMatrix& form_factors) {
+  Division division;
+  for (const std::uint64_t elements : form_factors.elements_before()) division.bytes.push_back(elements * sizeof(Half));
+  division.added = form_factors.storage() == Storage::sym16;
+  for (std::uint32_t u = 0; u < division.bytes.size(); ++u) {
+    division.places.push_back(division.added ? 0 : std::min(form_factors.size(), u * tile_rows));
+  }
+  return division;
+}
+
+std::unique_ptr<PartProduct> make_part(const PackedMatrix& form_factors, Device& device, const VectorArguments& shape,
+                                       std::uint32_t groups) {
   if (form_factors.storage() == Storage::sym16) {
     return std::make_unique<SymmetricProduct>(form_factors, device, shape, groups);
   }

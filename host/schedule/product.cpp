@@ -14,15 +14,36 @@ namespace interflect {
 
 namespace {
 
+// Rows of a unit of dense32: of 64 a panel's rows begin on a memory page, of 16 on a cache line.
+constexpr std::uint32_t most_rows_of_a_unit = 64, fewest_rows_of_a_unit = 16;
+constexpr std::uint32_t units_worth_cutting = 64;
+
+std::uint32_t rows_of_a_unit(std::uint32_t rows) {
+  const std::uint32_t fine = rows / units_worth_cutting / fewest_rows_of_a_unit * fewest_rows_of_a_unit;
+  return std::clamp(fine, fewest_rows_of_a_unit, most_rows_of_a_unit);
+}
+
 /// dense32: a launch of matvec for each panel.
-class DenseProduct final : public Product {
+class DenseProduct final : public PartProduct {
  public:
   DenseProduct(const FormFactorMatrix& form_factors, Device& device, const VectorArguments& shape, std::uint32_t groups)
-      : Product(device, shape, groups),
+      : PartProduct(device, shape, groups),
         form_factors_(form_factors),
         macros_(launch_macros(device.info(), "matvec", shape.columns)),
-        group_(static_cast<std::uint32_t>(macros_.at("ROWS"))) {
-    cut_panels();
+        group_(static_cast<std::uint32_t>(macros_.at("ROWS"))),
+        most_rows_(rows_of_a_launch(device.info(), form_factors.size(), form_factors.stride(), group_)),
+        piece_(most_rows_) {}
+
+  void take_all() { cut_panels(form_factors_.first_row(), form_factors_.end_row()); }
+  void take(std::uint32_t first, std::uint32_t end) override {
+    if (division_.bytes.empty()) division_ = division_of(form_factors_);
+    // What is copied is copied piece by piece, so that of rows that move only those go over the bus.
+    const std::uint32_t rows = form_factors_.end_row() - form_factors_.first_row();
+    piece_ = std::min(most_rows_, std::max(most_rows_of_a_unit, rows / 32 / most_rows_of_a_unit * most_rows_of_a_unit));
+    cut_panels(division_.places.at(first), division_.places.at(end));
+  }
+  [[nodiscard]] bool in_place() const override {
+    return device_.share(std::make_shared<PageBuffer>(std::size_t{1} << 12)) != nullptr;
   }
 
   [[nodiscard]] std::uint64_t needed_bytes() const override {
@@ -74,24 +95,47 @@ class DenseProduct final : public Product {
 
   [[nodiscard]] std::uint64_t row_bytes() const { return std::uint64_t{form_factors_.stride()} * sizeof(float); }
 
-  void cut_panels() {
-    const std::uint32_t most = rows_of_a_launch(device_.info(), form_factors_.size(), form_factors_.stride(), group_);
+  /// The buffer that holds exactly these rows already, if there is one.
+  static std::unique_ptr<Buffer> taken_from(std::vector<Panel>& before, std::uint32_t first, std::uint32_t rows) {
+    for (Panel& panel : before) {
+      if (panel.first == first && panel.rows == rows) return std::move(panel.buffer);
+    }
+    return nullptr;
+  }
+
+  [[nodiscard]] std::unique_ptr<Buffer> shared(const interflect::Panel& panel, std::uint32_t first, std::uint32_t end) {
+    if (end - first > most_rows_) return nullptr;
+    if (end - first == panel.rows) return device_.share(panel.data);
+    return device_.share(
+        PageBuffer::part(panel.data, (first - panel.first) * row_bytes(), (end - first) * row_bytes()));
+  }
+
+  void cut_panels(std::uint32_t first, std::uint32_t end) {
+    std::vector<Panel> before = std::move(panels_);
+    panels_.clear();
     for (const interflect::Panel& panel : form_factors_.panels()) {
-      std::unique_ptr<Buffer> shared = panel.rows <= most ? device_.share(panel.data) : nullptr;
-      if (shared != nullptr) {
-        panels_.push_back({panel.first, panel.rows, panel.data->data(), std::move(shared)});
+      const std::uint32_t from = std::max(first, panel.first), to = std::min(end, panel.first + panel.rows);
+      if (from >= to) continue;
+      const auto data = [&](std::uint32_t row) { return panel.data->data() + (row - panel.first) * row_bytes(); };
+      if (std::unique_ptr<Buffer> in_place = shared(panel, from, to)) {
+        panels_.push_back({from, to - from, data(from), std::move(in_place)});
         continue;
       }
-      for (std::uint32_t done = 0; done < panel.rows; done += most) {
-        panels_.push_back(
-            {panel.first + done, std::min(most, panel.rows - done), panel.data->data() + done * row_bytes(), nullptr});
+      for (std::uint32_t row = from; row < to;) {
+        const std::uint32_t next = panel.first + ((row - panel.first) / piece_ + 1) * piece_;
+        const std::uint32_t rows = std::min(next, to) - row;
+        panels_.push_back({row, rows, data(row), taken_from(before, row, rows)});
+        row += rows;
       }
     }
   }
 
   const FormFactorMatrix& form_factors_;
   Macros macros_;
-  std::uint32_t group_;  ///< rows of a work-group
+  std::uint32_t group_;      ///< rows of a work-group
+  std::uint32_t most_rows_;  ///< of a launch
+  std::uint32_t piece_;      ///< rows that are copied as one
+  Division division_;        ///< of a part
   std::vector<Panel> panels_;
 };
 
@@ -113,7 +157,26 @@ std::uint32_t rows_of_a_launch(const DeviceInfo& device, std::uint32_t n, std::u
 
 std::unique_ptr<Product> make_product(const FormFactorMatrix& form_factors, Device& device,
                                       const VectorArguments& shape, std::uint32_t groups) {
+  auto product = std::make_unique<DenseProduct>(form_factors, device, shape, groups);
+  product->take_all();
+  return product;
+}
+
+std::unique_ptr<PartProduct> make_part(const FormFactorMatrix& form_factors, Device& device,
+                                       const VectorArguments& shape, std::uint32_t groups) {
   return std::make_unique<DenseProduct>(form_factors, device, shape, groups);
+}
+
+Division division_of(const FormFactorMatrix& form_factors) {
+  Division division;
+  const std::uint32_t first = form_factors.first_row(), end = form_factors.end_row();
+  const std::uint32_t step = rows_of_a_unit(end - first);
+  for (std::uint32_t row = first; row < end; row = std::min(end, row + step)) division.places.push_back(row);
+  division.places.push_back(end);
+  for (const std::uint32_t row : division.places) {
+    division.bytes.push_back(std::uint64_t{row - first} * form_factors.stride() * sizeof(float));
+  }
+  return division;
 }
 
 }  // namespace interflect

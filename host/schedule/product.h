@@ -13,8 +13,10 @@
 #include "interflect/formfactor/form_factor_matrix.h"
 #include "interflect/formfactor/packed_matrix.h"
 #include "interflect/formfactor/streamed_matrix.h"
+#include "interflect/schedule/balance.h"
 #include "interflect/schedule/columns.h"
 #include "interflect/schedule/device_matrix.h"
+#include "interflect/schedule/device_share.h"
 
 namespace interflect {
 
@@ -32,7 +34,7 @@ class Product {
   virtual void place() = 0;
   /// From now on vectors have that shape: no more columns than at first. Compiles what is compiled for a number of
   /// columns, once for each. Throws device Errors.
-  void use(const VectorArguments& shape, std::uint32_t groups) {
+  virtual void use(const VectorArguments& shape, std::uint32_t groups) {
     shape_ = shape;
     groups_ = groups;
     std::unique_ptr<Kernel>& kernel = multiply_[shape.columns];
@@ -49,6 +51,10 @@ class Product {
   [[nodiscard]] virtual std::span<const std::uint32_t> order() const { return {}; }
   /// F x of the stored matrix in double, by patch.
   virtual void exact(const Columns& x, std::vector<std::vector<double>>& y) const = 0;
+
+  /// What each device of several does of it, and those that were lost; empty for one device.
+  [[nodiscard]] virtual std::vector<DeviceShare> device_shares() const { return {}; }
+  [[nodiscard]] virtual std::vector<DeviceFailure> failures() const { return {}; }
 
   [[nodiscard]] std::uint64_t uploaded_bytes() const { return uploaded_bytes_; }
   [[nodiscard]] double compile_seconds() const { return compile_seconds_; }
@@ -96,6 +102,36 @@ class Product {
   std::map<std::uint32_t, std::unique_ptr<Kernel>> multiply_;  ///< by the number of columns
 };
 
+/// How F can be cut for several devices: into units that follow each other.
+struct Division {
+  std::vector<std::uint64_t> bytes;   ///< of F before each unit, and all
+  std::vector<std::uint32_t> places;  ///< each unit's first place in y, and the end of the last one's
+  /// A unit reaches all of y: the devices' results are added up (sym16).
+  bool added = false;
+  [[nodiscard]] std::uint32_t units() const { return static_cast<std::uint32_t>(bytes.size() - 1); }
+};
+[[nodiscard]] Division division_of(const FormFactorMatrix& form_factors);
+[[nodiscard]] Division division_of(const PackedMatrix& form_factors);
+
+/// A Product that can be one device's part of F x.
+class PartProduct : public Product {
+ public:
+  /// Whether F is used where the host has it, so that no part takes memory of the device.
+  [[nodiscard]] virtual bool in_place() const = 0;
+  /// The units [first, end) from now on; apply() leaves y as it is at other places, or adds nothing there. place() then
+  /// brings what is not on the device yet. No unit: apply() must not be called.
+  virtual void take(std::uint32_t first, std::uint32_t end) = 0;
+
+ protected:
+  using Product::Product;
+};
+
+/// A part that has no units yet. What is given must outlive it.
+[[nodiscard]] std::unique_ptr<PartProduct> make_part(const FormFactorMatrix& form_factors, Device& device,
+                                                     const VectorArguments& shape, std::uint32_t groups);
+[[nodiscard]] std::unique_ptr<PartProduct> make_part(const PackedMatrix& form_factors, Device& device,
+                                                     const VectorArguments& shape, std::uint32_t groups);
+
 /// The most rows of a panel of n columns that a launch of matvec takes on the device, by its largest buffer and its
 /// number of groups of `group` rows: whole groups where they do not all fit and there is one. Throws a limit Error
 /// where one row is too large.
@@ -110,6 +146,16 @@ class Product {
                                                     const VectorArguments& shape, std::uint32_t groups);
 [[nodiscard]] std::unique_ptr<Product> make_product(const StreamedMatrix& form_factors, Device& device,
                                                     const VectorArguments& shape, std::uint32_t groups);
+
+/// A SplitProduct (split_product.h) over several devices, the first of which has the vectors.
+[[nodiscard]] std::unique_ptr<Product> make_split_product(const FormFactorMatrix& form_factors,
+                                                          const std::vector<Device*>& devices,
+                                                          const VectorArguments& shape, std::uint32_t groups,
+                                                          const SplitOptions& options);
+[[nodiscard]] std::unique_ptr<Product> make_split_product(const PackedMatrix& form_factors,
+                                                          const std::vector<Device*>& devices,
+                                                          const VectorArguments& shape, std::uint32_t groups,
+                                                          const SplitOptions& options);
 
 /// F that lies on the device already.
 [[nodiscard]] std::unique_ptr<Product> make_product(DeviceMatrix matrix, Device& device, const VectorArguments& shape,

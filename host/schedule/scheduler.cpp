@@ -32,15 +32,23 @@ std::span<const std::byte> bytes_of(const T& value) {
   return std::as_bytes(std::span(&value, 1));
 }
 
+template <class Matrix>
+std::unique_ptr<Product> product_over(const Matrix& form_factors, const std::vector<std::unique_ptr<Device>>& devices,
+                                      const VectorArguments& shape, std::uint32_t groups, const SplitOptions& split) {
+  if (devices.size() == 1) return make_product(form_factors, *devices.front(), shape, groups);
+  std::vector<Device*> all;
+  for (const auto& device : devices) all.push_back(device.get());
+  return make_split_product(form_factors, all, shape, groups, split);
+}
+
 }  // namespace
 
 Scheduler::Scheduler(std::vector<std::unique_ptr<Device>> devices, std::uint32_t size, std::uint32_t columns)
     : devices_(std::move(devices)) {
   if (size == 0) throw Error(ErrorKind::usage, "there are no patches to solve for");
   if (columns == 0) throw Error(ErrorKind::usage, "there are no columns to solve for");
-  if (devices_.size() != 1 || devices_.front() == nullptr) {
-    throw Error(ErrorKind::usage,
-                fmt::format("{} devices given: a solve runs on exactly one device so far", devices_.size()));
+  if (devices_.empty() || devices_.front() == nullptr) {
+    throw Error(ErrorKind::usage, fmt::format("{} devices given: a solve needs one", devices_.size()));
   }
   device_ = devices_.front().get();
   arguments_.n = size;
@@ -60,16 +68,16 @@ void Scheduler::shape(std::uint32_t columns) {
 }
 
 Scheduler::Scheduler(const FormFactorMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices,
-                     std::uint32_t columns)
+                     std::uint32_t columns, const SplitOptions& split)
     : Scheduler(std::move(devices), form_factors.size(), columns) {
-  product_ = make_product(form_factors, *device_, arguments_, groups_);
+  product_ = product_over(form_factors, devices_, arguments_, groups_, split);
   place();
 }
 
 Scheduler::Scheduler(const PackedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices,
-                     std::uint32_t columns)
+                     std::uint32_t columns, const SplitOptions& split)
     : Scheduler(std::move(devices), form_factors.size(), columns) {
-  product_ = make_product(form_factors, *device_, arguments_, groups_);
+  product_ = product_over(form_factors, devices_, arguments_, groups_, split);
   place();
 }
 
@@ -93,6 +101,9 @@ Scheduler::Scheduler(DeviceFormFactors form_factors, std::uint32_t columns)
 Scheduler::Scheduler(const StreamedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices,
                      std::uint32_t columns)
     : Scheduler(std::move(devices), form_factors.size(), columns) {
+  if (devices_.size() > 1) {
+    throw Error(ErrorKind::usage, "form factors that stay in a file are read for one device, not for several");
+  }
   product_ = make_product(form_factors, *device_, arguments_, groups_);
   place();
 }
@@ -152,8 +163,21 @@ std::vector<Buffer*> Scheduler::panel_buffers() const {
 
 std::vector<std::string> Scheduler::device_ids() const {
   std::vector<std::string> ids;
-  for (const auto& device : devices_) ids.push_back(device->info().id);
+  const std::vector<DeviceFailure> lost = failures();
+  for (const auto& device : devices_) {
+    const std::string& id = device->info().id;
+    const auto is_it = [&](const DeviceFailure& failure) { return failure.device == id; };
+    if (std::none_of(lost.begin(), lost.end(), is_it)) ids.push_back(id);
+  }
   return ids;
+}
+
+std::vector<DeviceShare> Scheduler::shares() const {
+  return product_->device_shares();
+}
+
+std::vector<DeviceFailure> Scheduler::failures() const {
+  return product_->failures();
 }
 
 Vector Scheduler::vector() {

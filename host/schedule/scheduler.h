@@ -14,7 +14,9 @@
 #include "interflect/formfactor/form_factor_matrix.h"
 #include "interflect/formfactor/packed_matrix.h"
 #include "interflect/formfactor/streamed_matrix.h"
+#include "interflect/schedule/balance.h"
 #include "interflect/schedule/columns.h"
+#include "interflect/schedule/device_share.h"
 
 namespace interflect {
 
@@ -52,13 +54,17 @@ class Scheduler {
   /// Places every panel: in place where the device shares host memory and the panel is within its limits; else cut by
   /// rows into panels that fit the device's largest buffer and its work-groups, allocated and uploaded. F must outlive
   /// the Scheduler and stay unchanged. `columns` is the C of every vector.
-  /// Throws a usage Error for no patches, no columns, or other than one device; a limit Error, before anything is
+  /// Several devices share F's rows (SplitProduct), and the first has the vectors. One of the others that fails, or has
+  /// no room, is left out: failures(). What is thrown comes from the first.
+  /// Throws a usage Error for no patches, no columns, or no device; a limit Error, before anything is
   /// allocated, when panels and vectors exceed the device's memory or one row or vector exceeds its largest buffer;
   /// device Errors.
-  Scheduler(const FormFactorMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);
+  Scheduler(const FormFactorMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns,
+            const SplitOptions& split = {});
   /// The same for a 16-bit format: panels of strips or blocks. Vectors then lie in the matrix's own order of patches;
   /// upload() and download() take and give columns by patch.
-  Scheduler(const PackedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);
+  Scheduler(const PackedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns,
+            const SplitOptions& split = {});
   /// F where a device has assembled it: takes the device and F, places nothing. exact_product() then comes from the
   /// device too, to about 3e-11 of the sum of what was added.
   Scheduler(DeviceFormFactors form_factors, std::uint32_t columns);
@@ -77,8 +83,11 @@ class Scheduler {
   [[nodiscard]] std::uint32_t blocks() const { return arguments_.blocks; }         ///< partial sums per column
   [[nodiscard]] Storage storage() const;                                           ///< how F is stored
   [[nodiscard]] std::uint64_t bytes() const;                                       ///< of F as it is stored
-  [[nodiscard]] std::vector<std::string> device_ids() const;
-  [[nodiscard]] Device& device() { return *device_; }
+  [[nodiscard]] std::vector<std::string> device_ids() const;                       ///< of those that have not been lost
+  [[nodiscard]] Device& device() { return *device_; }                              ///< the one with the vectors
+  /// What each of several devices does, and those of them that were lost; empty for one.
+  [[nodiscard]] std::vector<DeviceShare> shares() const;
+  [[nodiscard]] std::vector<DeviceFailure> failures() const;
   /// The panels of F as they lie on the device: only to be read, and gone with the Scheduler.
   [[nodiscard]] std::vector<Buffer*> panel_buffers() const;
   /// Bytes of F that were copied to devices (0 where they use the host's memory in place).

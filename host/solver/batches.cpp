@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "interflect/base/error.h"
@@ -71,6 +72,17 @@ void BatchedSolve::run(Scheduler& scheduler, ProgressSink* progress) {
   }
 }
 
+Columns BatchedSolve::unfinished() const {
+  Columns all = emittance_;
+  for (const Batch& batch : batches_) {
+    for (std::size_t c = 0; c < batch.columns; ++c) {
+      if (batch.done) all[batch.first + c] = radiosity_[batch.first + c];
+      if (!batch.done && !batch.checkpoint.b.empty()) all[batch.first + c] = batch.checkpoint.b[c];
+    }
+  }
+  return all;
+}
+
 void BatchedSolve::begin_anew() {
   for (Batch& batch : batches_) batch.done.reset();
 }
@@ -79,7 +91,18 @@ SolveReport BatchedSolve::report() const {
   SolveReport all;
   all.converged = true;
   for (const Batch& batch : batches_) {
-    if (!batch.done) continue;
+    if (!batch.done) {  // the last device has failed
+      const Checkpoint& left = batch.checkpoint;
+      all.converged = false;
+      all.iterations = std::max(all.iterations, left.iterations);
+      all.passes = std::max(all.passes, left.passes);
+      all.products += left.products;
+      all.restarts += left.restarts;
+      all.seconds += left.seconds;
+      all.relative_residual.resize(all.relative_residual.size() + batch.columns,
+                                   std::numeric_limits<double>::quiet_NaN());  // nobody has found it
+      continue;
+    }
     const SolveReport& one = *batch.done;
     all.converged = all.converged && one.converged;
     all.interrupted = all.interrupted || one.interrupted;

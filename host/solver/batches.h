@@ -38,6 +38,8 @@ class BatchedSolve {
   /// Iterations that are in what run() has kept, times their columns; a batch that is done counts one more.
   [[nodiscard]] std::uint64_t kept_iterations() const;
   [[nodiscard]] Columns& radiosity() { return radiosity_; }
+  /// As far as it has come: the last iterate of each batch, the emittance where there is none.
+  [[nodiscard]] Columns unfinished() const;
 
  private:
   struct Batch {

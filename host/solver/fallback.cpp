@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "interflect/base/timer.h"
@@ -9,8 +10,8 @@
 
 namespace interflect {
 
-Candidates::Candidates(std::vector<std::string> ids, Open open, ProgressSink* progress)
-    : ids_(std::move(ids)), open_(std::move(open)), progress_(progress) {
+Candidates::Candidates(std::vector<std::string> ids, Open open, ProgressSink* progress, bool together)
+    : ids_(std::move(ids)), open_(std::move(open)), progress_(progress), together_(together) {
   if (ids_.empty()) throw Error(ErrorKind::usage, "no device is given");
 }
 
@@ -23,12 +24,56 @@ Candidates::Candidates(std::unique_ptr<Device> device)
 
 void Candidates::open() {
   while (device_ == nullptr) {
+    const auto open = others_.find(ids_[at_]);
+    if (open != others_.end()) {
+      device_ = std::move(open->second);
+      others_.erase(open);
+      break;
+    }
     try {
       device_ = open_(ids_[at_]);
     } catch (const Error& error) {
       give_up(error);
     }
   }
+  for (std::size_t k = at_ + 1; together_ && k < ids_.size();) {
+    const std::string id = ids_[k];
+    try {
+      if (!others_.contains(id)) others_.emplace(id, open_(id));
+      ++k;
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::device && error.kind() != ErrorKind::limit) throw;
+      lose({id, error.what()});
+    }
+  }
+}
+
+std::vector<std::unique_ptr<Device>> Candidates::take_all() {
+  open();
+  std::vector<std::unique_ptr<Device>> all;
+  all.push_back(std::move(device_));
+  for (std::size_t k = at_ + 1; together_ && k < ids_.size(); ++k) all.push_back(std::move(others_.at(ids_[k])));
+  others_.clear();
+  return all;
+}
+
+std::vector<DeviceInfo> Candidates::infos() {
+  std::vector<DeviceInfo> all{info()};
+  for (std::size_t k = at_ + 1; together_ && k < ids_.size(); ++k) all.push_back(others_.at(ids_[k])->info());
+  return all;
+}
+
+void Candidates::lose(const DeviceFailure& failure) {
+  const auto found = std::find(ids_.begin() + static_cast<std::ptrdiff_t>(at_) + 1, ids_.end(), failure.device);
+  if (found != ids_.end()) ids_.erase(found);
+  note(failure, "the others");
+}
+
+void Candidates::note(DeviceFailure failure, std::string_view next) {
+  failures_.push_back(std::move(failure));
+  if (progress_ == nullptr) return;
+  const std::string_view reason = failures_.back().reason;
+  progress_->message(fmt::format("warning: {}; going on with {}", reason.substr(0, reason.find('\n')), next));
 }
 
 std::unique_ptr<Device> Candidates::take() {
@@ -38,12 +83,12 @@ std::unique_ptr<Device> Candidates::take() {
 
 void Candidates::give_up(const Error& error) {
   if (error.kind() != ErrorKind::device && error.kind() != ErrorKind::limit) throw error;
-  failures_.push_back({ids_[at_], error.what()});
-  if (at_ + 1 == ids_.size()) throw error;
+  if (at_ + 1 == ids_.size()) {
+    failures_.push_back({ids_[at_], error.what()});
+    throw error;
+  }
   ++at_;
-  if (progress_ == nullptr) return;
-  const std::string_view reason = failures_.back().reason;
-  progress_->message(fmt::format("warning: {}; going on with {}", reason.substr(0, reason.find('\n')), ids_[at_]));
+  note({ids_[at_ - 1], error.what()}, at_once() > 1 ? "the others" : ids_[at_]);
 }
 
 const DeviceInfo& Candidates::info() {
@@ -55,22 +100,61 @@ Device& Candidates::device() {
   return *device_;
 }
 
+namespace {
+
+/// What the devices of one Scheduler have to say besides the solve's own report.
+class Team {
+ public:
+  Team(Candidates& candidates, FallbackReport& result) : candidates_(candidates), result_(result) {}
+
+  /// The ids in its order; those that have been lost count as long as their work may be in the result.
+  void begin(const Scheduler& scheduler) {
+    ids_ = scheduler.device_ids();
+    told_ = 0;
+    hear(scheduler);
+  }
+  /// Hands the failures on that have not been.
+  void hear(const Scheduler& scheduler) {
+    const std::vector<DeviceFailure> failures = scheduler.failures();
+    for (; told_ < failures.size(); ++told_) candidates_.lose(failures[told_]);
+    result_.shares = scheduler.shares();
+  }
+  /// Their work is in the result.
+  void worked() {
+    for (const std::string& id : ids_) {
+      const auto& all = result_.devices;
+      if (std::find(all.begin(), all.end(), id) == all.end()) result_.devices.push_back(id);
+    }
+  }
+  void say(std::vector<std::string> ids) { ids_ = std::move(ids); }
+
+ private:
+  Candidates& candidates_;
+  FallbackReport& result_;
+  std::vector<std::string> ids_;
+  std::size_t told_ = 0;
+};
+
+}  // namespace
+
 FallbackReport solve_on(Candidates& candidates, const Place& place, Method method, const StopTest& stop,
                         std::span<const double> area, const Columns& reflectance, const Columns& emittance,
                         Columns& radiosity, ProgressSink* progress, double interval,
-                        const std::function<void(Scheduler&)>& after) {
+                        const std::function<void(Scheduler&)>& after, LastFails last) {
   FallbackReport result;
   BatchedSolve solve(method, stop, area, reflectance, emittance, interval);
   std::unique_ptr<Scheduler> scheduler;
+  Team team(candidates, result);
   for (bool done = false; !done;) {
     const std::uint64_t before = solve.kept_iterations();
     bool solved = false;
     candidates.open();
-    const std::string id = candidates.id();
+    team.say({candidates.id()});
     try {
       const Timer timer;
       scheduler.reset();
-      scheduler = place(candidates.take());
+      scheduler = place(candidates.take_all());
+      team.begin(*scheduler);
       result.upload_seconds += timer.seconds() - scheduler->compile_seconds();
       result.uploaded_bytes += scheduler->uploaded_bytes();
       solve.run(*scheduler, progress);
@@ -78,13 +162,27 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
       radiosity = solve.radiosity();
       if (after) after(*scheduler);
       done = true;
+      team.hear(*scheduler);
     } catch (const Error& error) {
+      if (scheduler != nullptr) team.hear(*scheduler);
       if (solved) solve.begin_anew();
-      candidates.give_up(error);
+      try {
+        candidates.give_up(error);
+      } catch (const Error& none_left) {
+        if (last == LastFails::throws || none_left.kind() != ErrorKind::device || solve.kept_iterations() == 0) throw;
+        result.lost = none_left;
+        radiosity = solve.unfinished();
+        done = true;
+      }
     }
-    if (done || solve.kept_iterations() > before) result.devices.push_back(id);
+    if (done || solve.kept_iterations() > before) team.worked();
   }
   result.report = solve.report();
+  if (result.lost) {
+    result.report.converged = false;
+    result.report.reason = fmt::format("the last device was lost after {} iterations: {}", result.report.iterations,
+                                       std::string(result.lost->what()));
+  }
   result.failures = candidates.failures();
   return result;
 }
@@ -92,13 +190,12 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
 FallbackReport solve_on(Candidates& candidates, const FormFactorMatrix& form_factors, Method method,
                         const StopTest& stop, std::span<const double> area, const Columns& reflectance,
                         const Columns& emittance, Columns& radiosity, ProgressSink* progress, double interval,
-                        const std::function<void(Scheduler&)>& after) {
-  const Place place = [&](std::unique_ptr<Device> device) {
-    std::vector<std::unique_ptr<Device>> devices;
-    devices.push_back(std::move(device));
-    return std::make_unique<Scheduler>(form_factors, std::move(devices), columns_at_once(emittance.size()));
+                        const std::function<void(Scheduler&)>& after, LastFails last, const SplitOptions& split) {
+  const Place place = [&](std::vector<std::unique_ptr<Device>> devices) {
+    return std::make_unique<Scheduler>(form_factors, std::move(devices), columns_at_once(emittance.size()), split);
   };
-  return solve_on(candidates, place, method, stop, area, reflectance, emittance, radiosity, progress, interval, after);
+  return solve_on(candidates, place, method, stop, area, reflectance, emittance, radiosity, progress, interval, after,
+                  last);
 }
 
 }  // namespace interflect

@@ -2,41 +2,48 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "interflect/base/error.h"
 #include "interflect/device/device.h"
+#include "interflect/schedule/device_share.h"
 #include "interflect/solver/solver.h"
 
 namespace interflect {
 
-/// A device that a solve gave up, and why.
-struct DeviceFailure {
-  std::string device;  ///< id
-  std::string reason;  ///< the Error's text; a compiler's log makes it several lines
-};
-
-/// The devices that a solve may use, in the order in which they are tried. One is open at a time.
+/// The devices that a solve may use: in the order in which they are tried, one open at a time; or all of them together,
+/// the first with the vectors, the next ones in its place when it fails.
 class Candidates {
  public:
   using Open = std::function<std::unique_ptr<Device>(const std::string& id)>;
 
   /// `open` opens a device by id or throws an Error. Failures go to `progress` as warnings when it is given.
-  Candidates(std::vector<std::string> ids, Open open, ProgressSink* progress = nullptr);
+  Candidates(std::vector<std::string> ids, Open open, ProgressSink* progress = nullptr, bool together = false);
   /// One device that is open already.
   explicit Candidates(std::unique_ptr<Device> device);
 
   /// Opens the first that can be opened, if none is open: so that a device that is not there is found before other work
-  /// begins. Throws the last one's Error when none can be opened.
+  /// begins. Together: opens all; those that cannot be opened are failures. Throws the last one's Error when none can
+  /// be opened.
   void open();
   /// The open device, opened if need be, for the caller to own.
   [[nodiscard]] std::unique_ptr<Device> take();
+  /// All that are to work together, the first one first: take()'s alone, where they do not.
+  [[nodiscard]] std::vector<std::unique_ptr<Device>> take_all();
+  /// Notes that a device beside the first has failed: it is not used again.
+  void lose(const DeviceFailure& failure);
   /// Notes that the device taken last has failed and turns to the next. Throws `error` again when no other is left, or
   /// when it is of a kind that no other device can help with: only a device's own and its limits are.
   void give_up(const Error& error);
+  /// How many are to work together now: 1 where they are tried in turn.
+  [[nodiscard]] std::size_t at_once() const { return together_ ? ids_.size() - at_ : 1; }
+  /// What is known of these, opened if need be.
+  [[nodiscard]] std::vector<DeviceInfo> infos();
 
   /// What is known of the device that is open, opened if need be.
   [[nodiscard]] const DeviceInfo& info();
@@ -49,11 +56,15 @@ class Candidates {
   [[nodiscard]] const std::vector<DeviceFailure>& failures() const { return failures_; }
 
  private:
+  void note(DeviceFailure failure, std::string_view next);
+
   std::vector<std::string> ids_;
   Open open_;
   ProgressSink* progress_ = nullptr;
+  bool together_ = false;
   std::size_t at_ = 0;
   std::unique_ptr<Device> device_;
+  std::map<std::string, std::unique_ptr<Device>, std::less<>> others_;  ///< open beside it, by id
   std::vector<DeviceFailure> failures_;
 };
 
@@ -62,12 +73,21 @@ struct FallbackReport {
   SolveReport report;                ///< of all devices together
   std::vector<std::string> devices;  ///< ids of those whose work is in the result, in order
   std::vector<DeviceFailure> failures;
-  double upload_seconds = 0;         ///< placing F, on every device that was tried
-  std::uint64_t uploaded_bytes = 0;  ///< of F, likewise
+  double upload_seconds = 0;             ///< placing F, on every device that was tried
+  std::uint64_t uploaded_bytes = 0;      ///< of F, likewise
+  std::vector<DeviceShare> shares = {};  ///< of the devices that worked together in the end; empty for one
+  std::optional<Error> lost = {};        ///< the last device's, where the radiosity is no more than the last iterate
 };
 
-/// Makes a Scheduler of a device: places F, in whatever format, and throws what the Scheduler's constructor throws.
-using Place = std::function<std::unique_ptr<Scheduler>(std::unique_ptr<Device>)>;
+/// Makes a Scheduler of a device, or of several that work together: places F, in whatever format, and throws what the
+/// Scheduler's constructor throws.
+using Place = std::function<std::unique_ptr<Scheduler>(std::vector<std::unique_ptr<Device>>)>;
+
+/// When the last device fails.
+enum class LastFails {
+  throws,    ///< its Error is thrown
+  gives_up,  ///< where iterations have been kept, the last iterate is the radiosity, not converged, and `lost` says why
+};
 
 /// The columns for which a Scheduler is made that shall solve for so many.
 [[nodiscard]] inline std::uint32_t columns_at_once(std::size_t columns) {
@@ -80,15 +100,18 @@ using Place = std::function<std::unique_ptr<Scheduler>(std::unique_ptr<Device>)>
 /// when none is left; radiosity is untouched then. `after`, when given, is called with the Scheduler on which the solve
 /// ended well, whose columns are those of its last batch; when the device fails in it, the next one solves and calls it
 /// again. More columns than the Scheduler was made with are solved in batches, and reflectances may be fewer than
-/// emittances: see BatchedSolve.
+/// emittances: see BatchedSolve. Of devices that work together, what one beside the first has done is done again by the
+/// others, and the solve goes on; after the first, as after any, the others go on from the last good iterate.
 [[nodiscard]] FallbackReport solve_on(Candidates& candidates, const Place& place, Method method, const StopTest& stop,
                                       std::span<const double> area, const Columns& reflectance,
                                       const Columns& emittance, Columns& radiosity, ProgressSink* progress = nullptr,
-                                      double interval = 1.0, const std::function<void(Scheduler&)>& after = {});
+                                      double interval = 1.0, const std::function<void(Scheduler&)>& after = {},
+                                      LastFails last = LastFails::throws);
 /// The same with F as it is, in dense32.
 [[nodiscard]] FallbackReport solve_on(Candidates& candidates, const FormFactorMatrix& form_factors, Method method,
                                       const StopTest& stop, std::span<const double> area, const Columns& reflectance,
                                       const Columns& emittance, Columns& radiosity, ProgressSink* progress = nullptr,
-                                      double interval = 1.0, const std::function<void(Scheduler&)>& after = {});
+                                      double interval = 1.0, const std::function<void(Scheduler&)>& after = {},
+                                      LastFails last = LastFails::throws, const SplitOptions& split = {});
 
 }  // namespace interflect
