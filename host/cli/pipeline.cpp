@@ -167,6 +167,8 @@ Solved solved_of(FallbackReport done, const PatchMesh& mesh, const Lamps& lamps,
                 done.upload_seconds, std::move(storage),     done.uploaded_bytes};
   solved.lights = lamps.groups;
   solved.lit = std::move(lit.by_group);
+  solved.shares = std::move(done.shares);
+  solved.lost = std::move(done.lost);
   solved.groups = group_residuals(mesh, lamps.groups, solved.report.relative_residual);
   solved.report.relative_residual = worst_of_groups(solved.report.relative_residual);
   return solved;
@@ -176,6 +178,12 @@ namespace {
 
 constexpr std::uint32_t channels = 3;
 
+std::vector<DeviceInfo> infos_of(const std::vector<Device*>& devices) {
+  std::vector<DeviceInfo> infos;
+  for (const Device* device : devices) infos.push_back(device->info());
+  return infos;
+}
+
 using Bounces = std::vector<std::vector<std::vector<Rgb>>>;
 
 Solved solve_dense(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Method method,
@@ -183,10 +191,12 @@ Solved solve_dense(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
   const Light light = light_of(mesh, lamps.groups);
   Columns radiosity;
   Bounces bounces;
-  FallbackReport done = solve_on(candidates, matrix, method, stop, mesh.area, light.reflectance, light.emittance,
-                                 radiosity, &progress, 1.0, [&](Scheduler& scheduler) {
-                                   if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
-                                 });
+  FallbackReport done = solve_on(
+      candidates, matrix, method, stop, mesh.area, light.reflectance, light.emittance, radiosity, &progress, 1.0,
+      [&](Scheduler& scheduler) {
+        if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
+      },
+      LastFails::gives_up);
   Solved solved =
       solved_of(std::move(done), mesh, lamps, radiosity, {Storage::dense32, matrix.bytes(), matrix.nonzero_fraction()});
   solved.bounces = std::move(bounces);
@@ -213,11 +223,12 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
   const PackedMatrix packed = pack(matrix, mesh, storage, sym16_block(candidates.info(), matrix.size()));
   StorageUse use{storage, packed.bytes(), packed.nonzero_fraction(), {}, packing.seconds()};
   const Light light = light_of(mesh, lamps.groups);
-  const Place place = [&](std::unique_ptr<Device> device) {
-    std::vector<std::unique_ptr<Device>> devices;
-    const std::uint32_t columns = columns_of_packed(packed, device->info(), light.emittance.size());
-    devices.push_back(std::move(device));
-    return std::make_unique<Scheduler>(packed, std::move(devices), columns);
+  const Place place = [&](std::vector<std::unique_ptr<Device>> devices) {
+    std::uint32_t columns = most_columns;
+    for (const auto& device : devices) {
+      columns = std::min(columns, columns_of_packed(packed, device->info(), light.emittance.size()));
+    }
+    return std::make_unique<Scheduler>(packed, std::move(devices), columns, candidates.split());
   };
   Columns radiosity;
   Bounces bounces;
@@ -230,7 +241,7 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
         rounding_error(scheduler, method, matrix, mesh.area, light.reflectance, light.emittance, radiosity);
   };
   FallbackReport done = solve_on(candidates, place, method, stop, mesh.area, light.reflectance, light.emittance,
-                                 radiosity, &progress, 1.0, after);
+                                 radiosity, &progress, 1.0, after, LastFails::gives_up);
   Solved solved = solved_of(std::move(done), mesh, lamps, radiosity, use);
   solved.bounces = std::move(bounces);
   return solved;
@@ -241,13 +252,14 @@ Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candi
 Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
                    std::optional<Storage> storage, Method method, const StopTest& stop, ProgressSink& progress,
                    const Lamps& lamps) {
-  const Storage format = storage ? *storage : choose_storage(matrix.size(), candidates.info());
-  tune_on_first_use(candidates.device(), format, matrix.size(), progress);
+  const std::vector<Device*> devices = candidates.devices();
+  const Storage format = storage ? *storage : choose_storage(matrix.size(), infos_of(devices));
+  for (Device* device : devices) tune_on_first_use(*device, format, matrix.size(), progress);
   if (format == Storage::dense32) return solve_dense(matrix, mesh, candidates, method, stop, progress, lamps);
   Solved solved = solve_packed(matrix, mesh, candidates, format, method, stop, progress, lamps);
   const std::optional<double> error = solved.storage.rounding_error;
   std::string why;
-  if (solved.report.interrupted) return solved;
+  if (solved.report.interrupted || solved.lost) return solved;
   if (!solved.report.converged && !stop.iterations && solved.report.iterations < stop.max_iterations) {
     why = "the rounded form factors have no solution within the tolerance";  // where ρ is near 1 they may have none at
                                                                              // all
@@ -275,17 +287,24 @@ Solved solve_streamed(const StreamedMatrix& matrix, const PatchMesh& mesh, Candi
   }
   tune_on_first_use(candidates.device(), Storage::dense32, matrix.size(), progress);
   const Light light = light_of(mesh, lamps.groups);
-  const Place place = [&](std::unique_ptr<Device> device) {
-    std::vector<std::unique_ptr<Device>> devices;
-    devices.push_back(std::move(device));
+  if (candidates.at_once() > 1) {
+    progress.message(
+        fmt::format("the form factors stay in a file and are read for one device, {}: the others come in "
+                    "when it fails",
+                    candidates.info().id));
+  }
+  const Place place = [&](std::vector<std::unique_ptr<Device>> devices) {
+    devices.resize(1);
     return std::make_unique<Scheduler>(matrix, std::move(devices), columns_at_once(light.emittance.size()));
   };
   Columns radiosity;
   Bounces bounces;
-  FallbackReport done = solve_on(candidates, place, method, stop, mesh.area, light.reflectance, light.emittance,
-                                 radiosity, &progress, 1.0, [&](Scheduler& scheduler) {
-                                   if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
-                                 });
+  FallbackReport done = solve_on(
+      candidates, place, method, stop, mesh.area, light.reflectance, light.emittance, radiosity, &progress, 1.0,
+      [&](Scheduler& scheduler) {
+        if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
+      },
+      LastFails::gives_up);
   StorageUse use{Storage::dense32, matrix.bytes()};
   const PanelStream& stream = matrix.stream();
   use.streamed = {stream.panels().panels(), stream.resident(), stream.use().bytes_read, stream.use().passes,

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "console.h"
+#include "interflect/base/error.h"
 #include "interflect/device/device.h"
 #include "interflect/formfactor/accuracy.h"
 #include "interflect/formfactor/assembly.h"
@@ -106,18 +107,22 @@ struct Solved {
   std::vector<std::vector<Rgb>> lit = {};
   std::vector<std::vector<std::vector<Rgb>>> bounces = {};
   std::vector<GroupResidual> groups = {};
+  std::vector<DeviceShare> shares = {};  ///< of devices that worked together
+  std::optional<Error> lost = {};        ///< see FallbackReport: the radiosity is the last iterate
 };
 /// Of the columns of all groups.
 [[nodiscard]] Solved solved_of(FallbackReport done, const PatchMesh& mesh, const Lamps& lamps, const Columns& radiosity,
                                StorageUse storage);
-/// On the first candidate, and on the next ones when it fails, with F in the storage format, or, without one, in that
-/// of choose_storage(). A 16-bit format whose rounding moves a radiosity by more than largest_rounding_error is refused
-/// with a warning, and dense32 takes its place. All light groups of `lamps` are columns of the same products.
+/// On the first candidate, and on the next ones when it fails, or on all of them together, with F in the storage
+/// format, or, without one, in that of choose_storage(). A 16-bit format whose rounding moves a radiosity by more than
+/// largest_rounding_error is refused with a warning, and dense32 takes its place. All light groups of `lamps` are
+/// columns of the same products. When the last device fails, the last iterate is the result, if there is one:
+/// Solved::lost.
 [[nodiscard]] Solved solve_scene(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
                                  std::optional<Storage> storage, Method method, const StopTest& stop,
                                  ProgressSink& progress, const Lamps& lamps = {});
-/// The same with panels that stay in a file. Throws a limit Error for a 16-bit format, which would be packed from the
-/// whole of F.
+/// The same with panels that stay in a file: for one device at a time. Throws a limit Error for a 16-bit format, which
+/// would be packed from the whole of F.
 [[nodiscard]] Solved solve_streamed(const StreamedMatrix& matrix, const PatchMesh& mesh, Candidates& candidates,
                                     std::optional<Storage> storage, Method method, const StopTest& stop,
                                     ProgressSink& progress, const Lamps& lamps = {});

@@ -29,10 +29,11 @@ class Placing {
           PlacedSolve& out, ProgressSink& progress)
       : loaded_(loaded), options_(options), place_(place), columns_(columns), out_(out), progress_(progress) {}
 
-  [[nodiscard]] std::unique_ptr<Scheduler> place(std::unique_ptr<Device> device) {
+  [[nodiscard]] std::unique_ptr<Scheduler> place(std::vector<std::unique_ptr<Device>> devices) {
     const auto n = static_cast<std::uint32_t>(loaded_.mesh.size());
-    if (resides(place_, device->info(), n)) return on_device(std::move(device));
-    return on_host(std::move(device));
+    if (devices.size() == 1 && resides(place_, devices.front()->info(), n))
+      return on_device(std::move(devices.front()));
+    return on_host(std::move(devices));
   }
   /// Of assembling, on the devices that failed too.
   [[nodiscard]] double seconds() const { return seconds_; }
@@ -50,7 +51,7 @@ class Placing {
     report_warnings(out_.factors.report, loaded_.scene.file, progress_);
     return std::make_unique<Scheduler>(std::move(factors), columns_);
   }
-  std::unique_ptr<Scheduler> on_host(std::unique_ptr<Device> device) {
+  std::unique_ptr<Scheduler> on_host(std::vector<std::unique_ptr<Device>> devices) {
     if (out_.factors.matrix.size() == 0) {
       const Timer timer;
       out_.factors = assemble_checked(loaded_, options_, progress_);
@@ -58,8 +59,6 @@ class Placing {
       out_.assembly.device = AssemblyUse{}.device;
       storage_ = {Storage::dense32, out_.factors.matrix.bytes(), out_.factors.matrix.nonzero_fraction()};
     }
-    std::vector<std::unique_ptr<Device>> devices;
-    devices.push_back(std::move(device));
     auto scheduler = std::make_unique<Scheduler>(out_.factors.matrix, std::move(devices), columns_);
     out_.assembly.bytes_over_bus += scheduler->uploaded_bytes();
     return scheduler;
@@ -92,8 +91,8 @@ void solve_where_assembled(const MeshedScene& loaded, const SceneOptions& option
     scheduler.exact_product(sum, received);
   };
   FallbackReport done = solve_on(
-      candidates, [&](std::unique_ptr<Device> device) { return placing.place(std::move(device)); }, method, stop,
-      mesh.area, light.reflectance, light.emittance, radiosity, &progress, 1.0, after);
+      candidates, [&](auto devices) { return placing.place(std::move(devices)); }, method, stop, mesh.area,
+      light.reflectance, light.emittance, radiosity, &progress, 1.0, after);
   done.upload_seconds = std::max(0.0, done.upload_seconds - placing.seconds());
   out.solved = solved_of(std::move(done), mesh, lamps, radiosity, placing.storage());
   out.solved.bounces = std::move(bounces);
@@ -124,7 +123,8 @@ PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& op
   const bool dense = storage
                          ? *storage == Storage::dense32
                          : place == AssemblyPlace::device || choose_storage(n, candidates.info()) == Storage::dense32;
-  if (dense && resides(place, candidates.info(), n)) {
+  // What several devices share goes through the host.
+  if (dense && candidates.at_once() == 1 && resides(place, candidates.info(), n)) {
     solve_where_assembled(loaded, options, place, candidates, method, stop, progress, lamps, out);
     return out;
   }

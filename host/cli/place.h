@@ -23,8 +23,8 @@ struct PlacedSolve {
 /// Assembles F and solves. In dense32 on a device that assembles, F stays there; a device that fails is followed by the
 /// next candidate, which assembles F again in its own way and goes on from the last good iterate. A 16-bit format is
 /// packed on the host: S then comes down from the device that made it. Warnings go to the progress sink. With light
-/// groups in `lamps` all of them are columns of the same products, and Solved has their light one by one. Throws a limit
-/// Error where --memory is less than F takes, wherever it is to lie.
+/// groups in `lamps` all of them are columns of the same products, and Solved has their light one by one. Throws a
+/// limit Error where --memory is less than F takes, wherever it is to lie.
 [[nodiscard]] PlacedSolve assemble_and_solve(const MeshedScene& loaded, const SceneOptions& options,
                                              Assembler& assembler, std::optional<Storage> storage, Method method,
                                              const StopTest& stop, ProgressSink& progress, const Lamps& lamps = {});

@@ -76,6 +76,7 @@ std::unique_ptr<Lit> look_into(const Options& options, Console& console) {
   lit.camera = lit.loaded.scene.camera;
   lit.inputs = lit.loaded.scene.files;
   const PlacedSolve placed = solve_loaded(lit.loaded, scene, options.solving, candidates, console);
+  if (placed.solved.lost) throw Error(*placed.solved.lost);  // a film of half the light serves nobody
   lit.solved = placed.solved.report;
   lit.solution = solution_of(lit.loaded, placed);
   lit.renderer = std::make_unique<Renderer>(lit.solution);

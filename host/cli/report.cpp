@@ -59,6 +59,32 @@ ordered_json light_groups_json(const std::vector<GroupResidual>& groups) {
   return out;
 }
 
+/// Of devices that worked together; null for one.
+ordered_json shares_json(const std::vector<DeviceShare>& shares) {
+  ordered_json out = nullptr;
+  for (const DeviceShare& share : shares) {
+    out.push_back({{"device", share.device},
+                   {"share", share.share},
+                   {"bytes", share.bytes},
+                   {"bytes_per_second", share.bytes_per_second},
+                   {"busy_seconds", share.busy_seconds},
+                   {"idle_seconds", share.idle_seconds},
+                   {"moves", share.moves}});
+  }
+  return out;
+}
+
+std::string shares_text(const std::vector<DeviceShare>& shares) {
+  std::string out;
+  for (const DeviceShare& share : shares) {
+    const double all = share.busy_seconds + share.idle_seconds;
+    out += fmt::format("{:<14} {}: {:.1f} % of the form factors, {:.2f} GB/s, idle {:.1f} % of the products\n",
+                       out.empty() ? "shares" : "", share.device, 100 * share.share, 1e-9 * share.bytes_per_second,
+                       all > 0 ? 100 * share.idle_seconds / all : 0.0);
+  }
+  return out;
+}
+
 std::string light_groups_text(const std::vector<GroupResidual>& groups) {
   std::string out;
   for (const GroupResidual& group : groups) {
@@ -138,6 +164,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["relative_residual"] = report.relative_residual;
   out["light_groups"] = light_groups_json(summary.solved->groups);
   out["devices"] = summary.solved->devices;
+  out["shares"] = shares_json(summary.solved->shares);
   out["failures"] = ordered_json::array();
   for (const DeviceFailure& failure : summary.solved->failures) {
     out["failures"].push_back({{"device", failure.device}, {"reason", failure.reason}});
@@ -232,6 +259,7 @@ std::string to_text(const SolveSummary& summary) {
   out += fmt::format("solve          {} on {}: {}, {} iterations, {} products, {:.3f} s\n", name(summary.method),
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,
                      report.seconds);
+  out += shares_text(summary.solved->shares);
   for (const DeviceFailure& failure : summary.solved->failures) {
     out += fmt::format("failed         {}\n", first_line(failure.reason));
   }

@@ -187,6 +187,11 @@ int run(Options options) {
     if (!options.report.empty()) fmt::print("wrote          {}\n", options.report);
     tell_pages(options);
   }
+  if (solved.lost) {
+    say_error(solved.lost->kind(), fmt::format("{}; what was asked for is written from the last iterate, not converged",
+                                               first_line(solved.lost->what())));
+    return exit_status(solved.lost->kind());
+  }
   if (console.interrupted()) {
     say_error(ErrorKind::interrupted,
               solved.report.interrupted

@@ -1,5 +1,12 @@
 #include "solving_options.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "interflect/base/error.h"
 #include "interflect/device/registry.h"
 #include "interflect/schedule/storage_choice.h"
 #include "kept.h"
@@ -18,8 +25,15 @@ void add_solving_options(CLI::App& command, SolvingOptions& options) {
       ->check(file_name());
   command
       .add_option("--device", options.device,
-                  "device id, see 'interflect devices'; several, as cuda:0,openmp, are tried in this order when one "
+                  "device id, see 'interflect devices'; several, as cuda:0,openmp, work together, and what one that "
+                  "fails had goes to the others; all: every real device; auto: the fastest, and the next one when it "
                   "fails")
+      ->capture_default_str();
+  command
+      .add_option(
+          "--split", options.split,
+          "the devices' shares of the form factors, in the order of --device, such as 4,1; auto: as their rates "
+          "are measured to be")
       ->capture_default_str();
   command.add_option("--method", options.method, "cg, bicgstab or jacobi")
       ->check(CLI::IsMember({"cg", "bicgstab", "jacobi"}))
@@ -40,8 +54,45 @@ void add_solving_options(CLI::App& command, SolvingOptions& options) {
   add_assembly_option(command, options.assembly);
 }
 
+namespace {
+
+/// The numbers of --split. Throws a usage Error for other than one for each device.
+std::vector<double> weights_of(const std::string& text, std::size_t devices) {
+  if (text == "auto") return {};
+  std::vector<double> weights;
+  std::istringstream list(text);
+  for (std::string item; std::getline(list, item, ',');) {
+    std::size_t used = 0;
+    double weight = -1;
+    try {
+      weight = std::stod(item, &used);
+    } catch (const std::exception&) {
+    }
+    if (used != item.size() || !(weight >= 0) || !std::isfinite(weight)) {
+      throw Error(ErrorKind::usage, fmt::format("--split {}: '{}' is no share such as 4 or 0.5", text, item));
+    }
+    weights.push_back(weight);
+  }
+  if (weights.size() != devices) {
+    throw Error(ErrorKind::usage, fmt::format("--split {}: {} shares for {} devices", text, weights.size(), devices));
+  }
+  if (std::all_of(weights.begin(), weights.end(), [](double weight) { return weight == 0; })) {
+    throw Error(ErrorKind::usage, fmt::format("--split {}: one share must be above 0", text));
+  }
+  return weights;
+}
+
+}  // namespace
+
 Candidates candidates_of(const SolvingOptions& options, ProgressSink& progress) {
-  return {choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &progress};
+  std::vector<std::string> ids = choose_devices(options.device);
+  const auto open = [](const std::string& id) { return open_device(id); };
+  if (options.device == "auto" && options.split != "auto") {
+    throw Error(ErrorKind::usage, "--split needs the devices that share: --device with their ids, or all");
+  }
+  if (options.device == "auto") return {std::move(ids), open, &progress};
+  SplitOptions split{.weights = weights_of(options.split, ids.size()), .said = {}};
+  return {std::move(ids), open, &progress, std::move(split)};
 }
 
 PlacedSolve solve_loaded(const MeshedScene& loaded, const SceneOptions& scene, const SolvingOptions& options,

@@ -13,6 +13,7 @@ namespace interflect::cli {
 struct SolvingOptions {
   std::string form_factors;
   std::string device = "auto";
+  std::string split = "auto";
   std::string method = "cg";
   std::string storage = "auto";
   std::string assembly = "auto";

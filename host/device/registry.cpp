@@ -86,6 +86,15 @@ std::vector<std::string> rank_devices(std::span<const DeviceEntry> entries,
   return ids;
 }
 
+std::vector<std::string> all_devices(std::span<const DeviceEntry> entries,
+                                     const std::function<double(const DeviceEntry&)>& rate) {
+  std::vector<std::string> ids = rank_devices(entries, rate);
+  for (const Piece& piece : pieces_of(entries)) {
+    for (std::size_t k = 1; k < piece.devices.size(); ++k) std::erase(ids, piece.devices[k]->info.id);
+  }
+  return ids;
+}
+
 std::vector<DeviceEntry> Registry::list() const {
   std::vector<DeviceEntry> all;
   for (const Backend& backend : backends_) {
@@ -109,7 +118,7 @@ bool Registry::knows(std::string_view id) const {
 }
 
 void Registry::refuse_unknown(std::string_view id) const {
-  std::vector<std::string> valid = {"auto"}, missing;
+  std::vector<std::string> valid = {"auto", "all"}, missing;
   for (const DeviceEntry& entry : list()) {
     if (entry.available) {
       valid.push_back(entry.info.id);
@@ -146,9 +155,10 @@ std::unique_ptr<Device> Registry::open(std::string_view id) const {
 }
 
 std::vector<std::string> Registry::choose(std::string_view text) const {
-  if (text == "auto") {
+  if (text == "auto" || text == "all") {
     const std::vector<DeviceEntry> entries = list();
-    std::vector<std::string> ids = rank_devices(entries, [&](const DeviceEntry& entry) {
+    const auto ranked = text == "auto" ? rank_devices : all_devices;
+    std::vector<std::string> ids = ranked(entries, [&](const DeviceEntry& entry) {
       try {
         const Rate rate = quick_read_bandwidth(*open(entry.info.id));
         return rate.verified ? rate.gb_per_s() : 0.0;
@@ -156,7 +166,7 @@ std::vector<std::string> Registry::choose(std::string_view text) const {
         return 0.0;  // it goes to the end; whoever uses it hears why
       }
     });
-    if (ids.empty()) throw device_error("auto", "choose", "no device is available");
+    if (ids.empty()) throw device_error(text, "choose", "no device is available");
     return ids;
   }
   std::vector<std::string> ids;
@@ -167,7 +177,9 @@ std::vector<std::string> Registry::choose(std::string_view text) const {
     if (std::find(ids.begin(), ids.end(), id) != ids.end()) {
       throw Error(ErrorKind::usage, fmt::format("the device '{}' is named twice in '{}'", id, text));
     }
-    if (id == "auto") throw Error(ErrorKind::usage, fmt::format("'auto' stands alone, not in a list as '{}'", text));
+    if (id == "auto" || id == "all") {
+      throw Error(ErrorKind::usage, fmt::format("'{}' stands alone, not in a list as '{}'", id, text));
+    }
     if (!knows(id)) refuse_unknown(id);
     ids.push_back(std::move(id));
   }

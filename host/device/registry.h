@@ -26,9 +26,10 @@ struct DeviceEntry {
 /// lists the valid ids for an unknown one, a device Error for one that is there but cannot be opened.
 [[nodiscard]] std::unique_ptr<Device> open_device(std::string_view id);
 
-/// The devices that "auto", an id or several ("cuda:0,opencl:1,openmp") mean, in the order in which they are to be
-/// tried; none is opened for an id, and only the backends that are named are asked. Throws a usage Error that lists
-/// the valid ids for an unknown or empty one, and for one that is named twice. Never empty.
+/// The devices that "auto", "all", an id or several ("cuda:0,opencl:1,openmp") mean, in their order; none is opened for
+/// an id, and only the backends that are named are asked. "all": of each piece of hardware the device that `auto`
+/// prefers, none of those that run GPU kernels on the processor. Throws a usage Error that lists the valid ids for an
+/// unknown or empty one, and for one that is named twice. Never empty.
 [[nodiscard]] std::vector<std::string> choose_devices(std::string_view text);
 
 /// What `auto` makes of a list: the available devices that are real accelerators, then openmp. Devices with the same
@@ -37,6 +38,10 @@ struct DeviceEntry {
 /// has one. Drivers that run GPU kernels on the processor are left out.
 [[nodiscard]] std::vector<std::string> rank_devices(std::span<const DeviceEntry> entries,
                                                     const std::function<double(const DeviceEntry&)>& rate);
+
+/// What `all` makes of a list: of rank_devices() the first of each piece of hardware.
+[[nodiscard]] std::vector<std::string> all_devices(std::span<const DeviceEntry> entries,
+                                                   const std::function<double(const DeviceEntry&)>& rate);
 
 /// A backend as the registry sees it.
 struct Backend {

@@ -44,6 +44,23 @@ Storage choose_storage(std::uint32_t n, const DeviceInfo& device) {
   return sym16_fits(n, device) ? Storage::sym16 : Storage::tiled16;
 }
 
+Storage choose_storage(std::uint32_t n, std::span<const DeviceInfo> devices) {
+  if (devices.size() == 1) return choose_storage(n, devices.front());
+  const std::uint64_t needed = FormFactorMatrix::predicted_bytes(n), vectors = std::uint64_t{n} * vector_bytes_of_patch;
+  std::uint64_t room = 0, on_the_host = 0;
+  bool all_of_it = false, sym16 = true;
+  for (const DeviceInfo& device : devices) {
+    const bool in_place = device.type == DeviceType::cpu && !device.emulated();
+    all_of_it = all_of_it || in_place || device.memory_bytes == 0;
+    const std::uint64_t has = device.memory_bytes > vectors ? device.memory_bytes - vectors : 0;
+    if (device.type != DeviceType::cpu) room += has;
+    if (device.type == DeviceType::cpu) on_the_host = std::max(on_the_host, std::min(has, available_memory()));
+    sym16 = sym16 && sym16_fits(n, device);
+  }
+  if (all_of_it || room + on_the_host >= needed) return Storage::dense32;
+  return sym16 ? Storage::sym16 : Storage::tiled16;
+}
+
 std::uint32_t sym16_block(const DeviceInfo& device, std::uint32_t n) {
   if (const std::uint32_t tuned = preferred_block(&device, n); tuned != 0) return tuned;
   return device.type == DeviceType::cpu ? 0 : default_block_of_gpus;

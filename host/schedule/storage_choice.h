@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string_view>
 
 #include "interflect/device/device.h"
@@ -23,6 +24,10 @@ namespace interflect {
 ///            to twenty products of a solve save.
 /// Who solves many times with one F asks for sym16.
 [[nodiscard]] Storage choose_storage(std::uint32_t n, const DeviceInfo& device);
+
+/// For devices that work together: dense32 where all of them have room for it together; else sym16, or tiled16 where
+/// the partial sums of sym16 exceed a device's largest buffer.
+[[nodiscard]] Storage choose_storage(std::uint32_t n, std::span<const DeviceInfo> devices);
 
 /// The block of sym16 for n patches on a device: what tuning has found, for large matrices; else 256 for GPUs, which
 /// need hundreds of work-groups and keep a block's vectors in shared memory, and 0, PackedMatrix's own choice, for

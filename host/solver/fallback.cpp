@@ -10,8 +10,9 @@
 
 namespace interflect {
 
-Candidates::Candidates(std::vector<std::string> ids, Open open, ProgressSink* progress, bool together)
-    : ids_(std::move(ids)), open_(std::move(open)), progress_(progress), together_(together) {
+Candidates::Candidates(std::vector<std::string> ids, Open open, ProgressSink* progress,
+                       std::optional<SplitOptions> together)
+    : ids_(std::move(ids)), open_(std::move(open)), progress_(progress), together_(std::move(together)) {
   if (ids_.empty()) throw Error(ErrorKind::usage, "no device is given");
 }
 
@@ -57,15 +58,29 @@ std::vector<std::unique_ptr<Device>> Candidates::take_all() {
   return all;
 }
 
-std::vector<DeviceInfo> Candidates::infos() {
-  std::vector<DeviceInfo> all{info()};
-  for (std::size_t k = at_ + 1; together_ && k < ids_.size(); ++k) all.push_back(others_.at(ids_[k])->info());
+std::vector<Device*> Candidates::devices() {
+  std::vector<Device*> all{&device()};
+  for (std::size_t k = at_ + 1; together_ && k < ids_.size(); ++k) all.push_back(others_.at(ids_[k]).get());
   return all;
+}
+
+SplitOptions Candidates::split() const {
+  SplitOptions split = together_.value_or(SplitOptions{});
+  if (split.weights.empty()) return split;
+  split.weights.erase(split.weights.begin(), split.weights.begin() + static_cast<std::ptrdiff_t>(at_));
+  // Where only those are left that were to have nothing, they share.
+  const bool none = std::none_of(split.weights.begin(), split.weights.end(), [](double weight) { return weight > 0; });
+  if (none) split.weights.clear();
+  return split;
 }
 
 void Candidates::lose(const DeviceFailure& failure) {
   const auto found = std::find(ids_.begin() + static_cast<std::ptrdiff_t>(at_) + 1, ids_.end(), failure.device);
-  if (found != ids_.end()) ids_.erase(found);
+  if (found != ids_.end()) {
+    if (together_ && !together_->weights.empty())
+      together_->weights.erase(together_->weights.begin() + (found - ids_.begin()));
+    ids_.erase(found);
+  }
   note(failure, "the others");
 }
 
@@ -190,9 +205,10 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
 FallbackReport solve_on(Candidates& candidates, const FormFactorMatrix& form_factors, Method method,
                         const StopTest& stop, std::span<const double> area, const Columns& reflectance,
                         const Columns& emittance, Columns& radiosity, ProgressSink* progress, double interval,
-                        const std::function<void(Scheduler&)>& after, LastFails last, const SplitOptions& split) {
+                        const std::function<void(Scheduler&)>& after, LastFails last) {
   const Place place = [&](std::vector<std::unique_ptr<Device>> devices) {
-    return std::make_unique<Scheduler>(form_factors, std::move(devices), columns_at_once(emittance.size()), split);
+    return std::make_unique<Scheduler>(form_factors, std::move(devices), columns_at_once(emittance.size()),
+                                       candidates.split());
   };
   return solve_on(candidates, place, method, stop, area, reflectance, emittance, radiosity, progress, interval, after,
                   last);

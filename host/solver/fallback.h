@@ -23,7 +23,9 @@ class Candidates {
   using Open = std::function<std::unique_ptr<Device>(const std::string& id)>;
 
   /// `open` opens a device by id or throws an Error. Failures go to `progress` as warnings when it is given.
-  Candidates(std::vector<std::string> ids, Open open, ProgressSink* progress = nullptr, bool together = false);
+  /// `together`: how those that work together share F.
+  Candidates(std::vector<std::string> ids, Open open, ProgressSink* progress = nullptr,
+             std::optional<SplitOptions> together = {});
   /// One device that is open already.
   explicit Candidates(std::unique_ptr<Device> device);
 
@@ -42,8 +44,9 @@ class Candidates {
   void give_up(const Error& error);
   /// How many are to work together now: 1 where they are tried in turn.
   [[nodiscard]] std::size_t at_once() const { return together_ ? ids_.size() - at_ : 1; }
-  /// What is known of these, opened if need be.
-  [[nodiscard]] std::vector<DeviceInfo> infos();
+  [[nodiscard]] SplitOptions split() const;  ///< for those
+  /// These devices, opened if need be, to be used before they are taken.
+  [[nodiscard]] std::vector<Device*> devices();
 
   /// What is known of the device that is open, opened if need be.
   [[nodiscard]] const DeviceInfo& info();
@@ -61,7 +64,7 @@ class Candidates {
   std::vector<std::string> ids_;
   Open open_;
   ProgressSink* progress_ = nullptr;
-  bool together_ = false;
+  std::optional<SplitOptions> together_;
   std::size_t at_ = 0;
   std::unique_ptr<Device> device_;
   std::map<std::string, std::unique_ptr<Device>, std::less<>> others_;  ///< open beside it, by id
@@ -112,6 +115,6 @@ enum class LastFails {
                                       const StopTest& stop, std::span<const double> area, const Columns& reflectance,
                                       const Columns& emittance, Columns& radiosity, ProgressSink* progress = nullptr,
                                       double interval = 1.0, const std::function<void(Scheduler&)>& after = {},
-                                      LastFails last = LastFails::throws, const SplitOptions& split = {});
+                                      LastFails last = LastFails::throws);
 
 }  // namespace interflect

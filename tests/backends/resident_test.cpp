@@ -135,14 +135,12 @@ struct Attempt {
       if (id == "failing") return std::make_unique<FailingDevice>(fate, inner);
       return open_device("openmp");
     });
-    const Place place = [&](std::unique_ptr<Device> device) {
-      if (device->info().id == "failing") {
-        DeviceFormFactors there(std::move(device), mesh, {}, nullptr, assemble);
+    const Place place = [&](std::vector<std::unique_ptr<Device>> devices) {
+      if (devices.front()->info().id == "failing") {
+        DeviceFormFactors there(std::move(devices.front()), mesh, {}, nullptr, assemble);
         assembled = fate->calls;
         return std::make_unique<Scheduler>(std::move(there), 3U);
       }
-      std::vector<std::unique_ptr<Device>> devices;
-      devices.push_back(std::move(device));
       return std::make_unique<Scheduler>(host, std::move(devices), 3U);
     };
     const Light light(mesh);

@@ -306,9 +306,7 @@ TEST(Fallback, ADeviceLostAfterTheSolveIsFollowedByTheNext) {
   const auto open = [](const std::string&) -> std::unique_ptr<Device> {
     return std::make_unique<CountingDevice>(std::make_shared<Counts>());
   };
-  const Place place = [&](std::unique_ptr<Device> device) {
-    std::vector<std::unique_ptr<Device>> devices;
-    devices.push_back(std::move(device));
+  const Place place = [&](std::vector<std::unique_ptr<Device>> devices) {
     return std::make_unique<Scheduler>(s.room.form_factors, std::move(devices), 3);
   };
   int lost = 1, calls = 0;
