@@ -8,6 +8,7 @@
 #include "bench_assembly.h"
 #include "bench_compare.h"
 #include "bench_header.h"
+#include "bench_hybrid.h"
 #include "bench_plot.h"
 #include "bench_read.h"
 #include "bench_rows.h"
@@ -29,7 +30,7 @@ namespace interflect::cli {
 namespace {
 
 struct Options {
-  bool study = false, peers = false, assembly = false;
+  bool study = false, peers = false, assembly = false, hybrid = false;
   std::string device = "auto";
   std::string scenes, scene;
   std::string accuracy = "medium";
@@ -105,6 +106,12 @@ BenchRun measured(const Options& options, const std::vector<std::string>& ids, C
   };
   if (options.assembly) {
     assemblies(options, plan, console, add);
+    set_spread(run.header, run.rows);
+    return run;
+  }
+  if (options.hybrid) {
+    constexpr std::uint32_t usual = 8192;
+    add(bench_hybrid(ids, options.random > 0 ? options.random : usual, options.repetitions));
     set_spread(run.header, run.rows);
     return run;
   }
@@ -235,6 +242,10 @@ void add_measuring(CLI::App& command, Options& options) {
   command.add_flag("--assembly", options.assembly,
                    "the form factors themselves instead of products with them: of the rooms, of --scene, of --growth's "
                    "sizes; the Embree path and devices in turn");
+  command.add_flag(
+      "--hybrid", options.hybrid,
+      "devices together, against each alone: a slowed device and one of a quarter of its rate, then those of "
+      "--device; products of a random matrix (of --random patches)");
   command.add_option("--scene", options.scene, "with --assembly: a scene file, cut with --divide 1")
       ->check(file_name())
       ->needs("--assembly");
@@ -272,6 +283,9 @@ void add_bench(CLI::App& program, Action& action) {
   for (const char* other :
        {"--peers", "--storage", "--random", "--growth", "--assembly", "--csv", "--plot", "--compare", "--from"}) {
     study->excludes(command.get_option(other));
+  }
+  for (const char* other : {"--peers", "--room", "--storage", "--growth", "--assembly", "--study", "--from"}) {
+    command.get_option("--hybrid")->excludes(command.get_option(other));
   }
   for (const char* other : {"--peers", "--random"})
     command.get_option("--assembly")->excludes(command.get_option(other));

@@ -293,27 +293,32 @@ std::vector<BenchRow> bench_loaded(const BenchPlan& plan, const Loaded& loaded, 
   return rows;
 }
 
-/// Values between 0.5/n and 1.5/n, the same for (i, j) and (j, i), and patches of one size.
+/// And patches of one size.
 Loaded random_matrix(std::uint32_t n) {
   Loaded loaded;
   loaded.random = true;
   loaded.scene.scene.name = "random";
   loaded.scene.mesh.area.assign(n, 1.0);
-  loaded.factors.matrix = FormFactorMatrix(n);
+  loaded.factors.matrix = random_form_factors(n);
+  for (const double row : loaded.factors.matrix.row_sums()) loaded.sum += row;
+  return loaded;
+}
+
+}  // namespace
+
+FormFactorMatrix random_form_factors(std::uint32_t n) {
+  FormFactorMatrix matrix(n);
 #pragma omp parallel for schedule(dynamic, 16)
   for (std::uint32_t i = 0; i < n; ++i) {
-    const std::span<float> row = loaded.factors.matrix.row(i);
+    const std::span<float> row = matrix.row(i);
     for (std::uint32_t j = 0; j < n; ++j) {
       std::uint32_t mixed = (std::min(i, j) * 2654435761U ^ std::max(i, j) * 40503U) * 2246822519U;
       mixed ^= mixed >> 15U;
       row[j] = (0.5F + static_cast<float>(mixed >> 8U) * 0x1p-24F) / static_cast<float>(n);
     }
   }
-  for (const double row : loaded.factors.matrix.row_sums()) loaded.sum += row;
-  return loaded;
+  return matrix;
 }
-
-}  // namespace
 
 std::vector<BenchRow> bench_room(const BenchPlan& plan, const Room& room, const std::vector<BenchRow>& measured,
                                  ProgressSink& progress) {

@@ -44,6 +44,9 @@ using RowSink = std::function<void(const std::vector<BenchRow>&)>;
 [[nodiscard]] std::vector<BenchRow> bench_random(const BenchPlan& plan, std::uint32_t n,
                                                  const std::vector<BenchRow>& measured);
 
+/// That matrix: values between 0.5/n and 1.5/n, the same for (i, j) and (j, i).
+[[nodiscard]] FormFactorMatrix random_form_factors(std::uint32_t n);
+
 /// "growth" rows: a product per storage and device for one room cut into about 1k, 2k, 4k, ... patches, none above
 /// `most`. A size that does not fit into memory is a row with the reason.
 void bench_growth(const BenchPlan& plan, std::uint32_t most, const std::vector<BenchRow>& measured,

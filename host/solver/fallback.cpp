@@ -124,7 +124,7 @@ class Team {
 
   /// The ids in its order; those that have been lost count as long as their work may be in the result.
   void begin(const Scheduler& scheduler) {
-    ids_ = scheduler.device_ids();
+    if (candidates_.at_once() > 1) ids_ = scheduler.device_ids();
     told_ = 0;
     hear(scheduler);
   }

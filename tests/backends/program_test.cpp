@@ -200,7 +200,7 @@ TEST(SolveFallback, GoesOnWithTheNextDeviceAndSaysSo) {
   }
 }
 
-TEST(SolveFallback, NothingIsSaidWhereNothingFails) {
+TEST(SolveTogether, UsesAllDevicesAndSaysWhatEachDid) {
   const Folder folder;
   std::vector<std::string> ids = compiled_devices(listed());
   ids.emplace_back("openmp");
@@ -211,7 +211,18 @@ TEST(SolveFallback, NothingIsSaidWhereNothingFails) {
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_EQ(outcome.err, "");
   const json report = json::parse(content_of(folder.file("r.json")));
-  EXPECT_EQ(report.at("devices"), json::array({ids.front()}));
+  EXPECT_EQ(report.at("devices"), json(ids));
+  if (ids.size() > 1) {
+    ASSERT_EQ(report.at("shares").size(), ids.size());
+    double shares = 0;
+    for (std::size_t k = 0; k < ids.size(); ++k) {
+      EXPECT_EQ(report.at("shares").at(k).at("device"), ids[k]);
+      EXPECT_GT(report.at("shares").at(k).at("bytes_per_second").get<double>(), 0);
+      shares += report.at("shares").at(k).at("share").get<double>();
+    }
+    EXPECT_NEAR(shares, 1, 1e-9);
+    EXPECT_THAT(outcome.out, HasSubstr("\nshares "));
+  }
   EXPECT_THAT(report.at("failures"), IsEmpty());
   const bool compiled =
       report.at("kernels").at("compiled").get<int>() + report.at("kernels").at("from_cache").get<int>() > 0;
