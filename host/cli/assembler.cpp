@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "interflect/base/error.h"
 #include "interflect/device/compile_cache.h"
 #include "interflect/formfactor/iff_format.h"
+#include "interflect/formfactor/team_tiles.h"
 #include "interflect/schedule/device_assembly.h"
 
 namespace interflect::cli {
@@ -57,18 +60,54 @@ class DeviceTiles final : public TileMaker {
 
 }  // namespace
 
+std::vector<Device*> Assembler::team() {
+  std::vector<Device*> team;
+  for (Device* device : candidates_.devices()) {
+    if (!assembles(place_, device->info())) continue;
+    // Tiles of several kinds are not mixed: theirs differ in rays that graze an edge.
+    if (team.empty() || device->info().backend == team.front()->info().backend) team.push_back(device);
+  }
+  return team;
+}
+
+void Assembler::leave_out(const std::string& id, const Error& error) {
+  if (id != candidates_.id()) {
+    candidates_.lose({id, error.what()});
+    return;
+  }
+  candidates_.take().reset();
+  candidates_.give_up(error);
+}
+
 void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act,
                     const std::function<std::string()>& bound) {
-  while (assembles(place_, candidates_.info())) {
+  for (std::vector<Device*> team = this->team(); !team.empty(); team = this->team()) {
     use_ = {};
+    std::vector<AssemblyUse> uses(team.size());
+    std::vector<std::pair<std::string, Error>> lost;
+    const auto settle = [&] {
+      for (const auto& [id, error] : lost) leave_out(id, error);
+    };
     try {
-      Device& device = candidates_.device();
-      options.maker = [&](const PatchTable& patches, const Blockers& blockers) {
-        return std::make_unique<DeviceTiles>(device, patches, blockers, options, use_);
+      options.maker = [&](const PatchTable& patches, const Blockers& blockers) -> std::unique_ptr<TileMaker> {
+        std::vector<std::unique_ptr<TileMaker>> makers;
+        for (std::size_t k = 0; k < team.size(); ++k) {
+          makers.push_back(std::make_unique<DeviceTiles>(*team[k], patches, blockers, options, uses[k]));
+        }
+        if (makers.size() == 1) return std::move(makers.front());
+        return std::make_unique<TeamTiles>(std::move(makers), patches.blocks(), [&](std::size_t k, const Error& error) {
+          lost.emplace_back(team[k]->info().id, error);
+        });
       };
       const double compiled_before = compile_statistics().seconds;
       AssemblyReport& report = act(options);
-      report.seconds -= compile_statistics().seconds - compiled_before;
+      report.seconds = std::max(0.0, report.seconds - (compile_statistics().seconds - compiled_before));
+      for (const AssemblyUse& use : uses) {
+        if (use.bytes_over_bus == 0 && use.device == AssemblyUse{}.device) continue;
+        use_.device = use_.device == AssemblyUse{}.device ? use.device : use_.device + "," + use.device;
+        use_.bytes_over_bus += use.bytes_over_bus;
+      }
+      settle();
       return;
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::device) throw;  // also the host's limits, which no device can help with
@@ -78,8 +117,8 @@ void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&
         text.insert(std::min(text.find('\n'), text.size()), "; " + kept);
         throw Error(error.kind(), text);
       }
-      candidates_.take().reset();
-      candidates_.give_up(error);
+      if (lost.empty()) lost.emplace_back(team.front()->info().id, error);
+      settle();
     }
   }
   options.maker = {};
@@ -88,8 +127,8 @@ void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&
 }
 
 std::uint32_t Assembler::maker() {
-  const DeviceInfo& device = candidates_.info();
-  return assembles(place_, device) ? iff::maker_of(device.backend) : iff::maker_embree;
+  const std::vector<Device*> makers = team();
+  return makers.empty() ? iff::maker_embree : iff::maker_of(makers.front()->info().backend);
 }
 
 FormFactors Assembler::assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink& progress) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "interflect/formfactor/assembly.h"
 #include "interflect/solver/fallback.h"
@@ -26,11 +27,12 @@ void add_assembly_option(CLI::App& command, std::string& text);
 
 /// Where F was assembled, in the end: the host too where nothing had to be, all of it came from a file.
 struct AssemblyUse {
-  std::string device = "host";
+  std::string device = "host";       ///< several between commas, where they shared the tiles
   std::uint64_t bytes_over_bus = 0;  ///< of F or S, between host and devices, both ways
 };
 
-/// Gives the assembly on the host its tiles: from the first candidate where that assembles, else from Embree.
+/// Gives the assembly on the host its tiles: from the first candidate where that assembles, else from Embree. Of
+/// candidates that work together, those that assemble and have the backend of the first of them share the tiles.
 class Assembler {
  public:
   Assembler(Candidates& candidates, AssemblyPlace place) : candidates_(candidates), place_(place) {}
@@ -54,6 +56,9 @@ class Assembler {
   [[nodiscard]] AssemblyPlace place() const { return place_; }
 
  private:
+  [[nodiscard]] std::vector<Device*> team();
+  void leave_out(const std::string& id, const Error& error);
+
   Candidates& candidates_;
   AssemblyPlace place_;
   AssemblyUse use_;

@@ -150,8 +150,9 @@ void take(Known& known, KeptFormFactors computed) {
 }
 
 Known from_scene(const Options& options, Console& progress) {
+  const auto together = options.device == "auto" ? std::nullopt : std::optional(SplitOptions{});
   Candidates candidates(
-      choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &progress);
+      choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &progress, together);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const std::string file = file_of(options);
   std::error_code missing;

@@ -81,6 +81,7 @@ void Candidates::lose(const DeviceFailure& failure) {
       together_->weights.erase(together_->weights.begin() + (found - ids_.begin()));
     ids_.erase(found);
   }
+  others_.erase(failure.device);
   note(failure, "the others");
 }
 

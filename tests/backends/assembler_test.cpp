@@ -11,6 +11,8 @@
 #include "backends/devices.h"
 #include "formfactor/meshes.h"
 #include "formfactor/panels.h"
+#include "interflect/base/error.h"
+#include "interflect/formfactor/iff_format.h"
 #include "schedule/counting_device.h"
 #include "schedule/failing_device.h"
 
@@ -115,6 +117,52 @@ TEST_F(AssemblerTest, ADeviceLostAtAnyCallIsFollowedByTheHost) {
     EXPECT_EQ(assembler.use().bytes_over_bus, 0U);
     for (std::uint32_t i = 0; i < mesh.size(); ++i) {
       for (std::uint32_t j = 0; j < mesh.size(); ++j) ASSERT_EQ(made.matrix.row(i)[j], expected.matrix.row(i)[j]);
+    }
+  }
+}
+
+/// Two devices of one kind share the tiles: S is that of one of them, also when one is lost at any call.
+TEST_F(AssemblerTest, TwoDevicesOfOneKindShareTheTiles) {
+  const PatchMesh mesh = room(4);
+  const std::shared_ptr<Device> inner = open_device("opencl:0");
+  ProgressSink silent;
+  const auto run = [&](const std::vector<std::shared_ptr<Fate>>& fates, FormFactors& made) {
+    Candidates candidates(
+        {"one", "openmp", "two"},
+        [&](const std::string& id) -> std::unique_ptr<Device> {
+          if (id == "openmp") return open_device(id);
+          if (id == "one" && fates.empty()) return open_device("opencl:0");
+          if (id == "two" && fates.empty()) throw device_error(id, "open", "not there");
+          return std::make_unique<FailingDevice>(fates[id == "one" ? 0 : 1], open_device("opencl:0"), id);
+        },
+        nullptr, SplitOptions{});
+    Assembler assembler(candidates, AssemblyPlace::device);
+    made = assembler.assemble(mesh, {}, silent);
+    EXPECT_EQ(assembler.maker(), iff::maker_opencl);
+    return std::pair{candidates.failures(), assembler.use()};
+  };
+  FormFactors alone, both;
+  static_cast<void>(run({}, alone));
+  const auto equal = [&](const FormFactors& made) {
+    for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+      for (std::uint32_t j = 0; j < mesh.size(); ++j) {
+        if (made.matrix.row(i)[j] != alone.matrix.row(i)[j]) return false;
+      }
+    }
+    return made.report.tile_variance == alone.report.tile_variance && made.report.rays == alone.report.rays;
+  };
+  const std::vector<std::shared_ptr<Fate>> whole{std::make_shared<Fate>(), std::make_shared<Fate>()};
+  EXPECT_TRUE(run(whole, both).first.empty());
+  EXPECT_TRUE(equal(both));
+  EXPECT_GT(whole[0]->calls + whole[1]->calls, 20U);
+  for (const std::size_t failing : {0U, 1U}) {
+    for (const std::uint64_t call : {0U, 5U, 17U}) {
+      std::vector<std::shared_ptr<Fate>> fates{std::make_shared<Fate>(), std::make_shared<Fate>()};
+      fates[failing]->fails_at = call;
+      FormFactors made;
+      const auto failures = run(fates, made).first;
+      EXPECT_TRUE(equal(made)) << failing << " " << call;
+      EXPECT_EQ(failures.size(), fates[failing]->calls > call ? 1U : 0U) << failing << " " << call;
     }
   }
 }

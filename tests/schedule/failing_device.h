@@ -34,9 +34,10 @@ struct Fate {
 class FailingDevice final : public Device {
  public:
   /// `inner` may be shared by several, one after the other: opening one and compiling its kernels takes longest.
-  explicit FailingDevice(std::shared_ptr<Fate> fate, std::shared_ptr<Device> inner = open_device("openmp"))
+  explicit FailingDevice(std::shared_ptr<Fate> fate, std::shared_ptr<Device> inner = open_device("openmp"),
+                         const std::string& id = "failing")
       : fate_(std::move(fate)), inner_(std::move(inner)), info_(inner_->info()), queue_(*this) {
-    info_.id = "failing";
+    info_.id = id;
   }
 
   [[nodiscard]] const DeviceInfo& info() const override { return info_; }
