@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <memory>
+
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -73,6 +75,22 @@ TEST(PageBuffer, IsAlignedZeroAndItsOwn) {
   EXPECT_EQ(moved.data()[moved.size() - 1], std::byte{7});
   EXPECT_EQ(PageBuffer(0).data(), nullptr);
   EXPECT_EQ(PageBuffer().size(), 0u);
+}
+
+TEST(PageBuffer, APartKeepsTheWholeAlive) {
+  auto whole = std::make_shared<PageBuffer>(std::size_t{1} << 16);
+  whole->data()[5000] = std::byte{9};
+  std::byte* const where = whole->data();
+  const std::weak_ptr<PageBuffer> watch = whole;
+  auto part = PageBuffer::part(std::move(whole), 4096, 1000);
+  EXPECT_EQ(part->data(), where + 4096);
+  EXPECT_EQ(part->size(), 1000u);
+  EXPECT_EQ(part->data()[904], std::byte{9});
+  EXPECT_FALSE(watch.expired());
+  EXPECT_THROW(static_cast<void>(PageBuffer::part(part, 999, 2)), Error);
+  EXPECT_EQ(PageBuffer::part(part, 1000, 0)->size(), 0u);
+  part.reset();
+  EXPECT_TRUE(watch.expired());
 }
 
 TEST(PageBuffer, WhatTheSystemRefusesIsALimit) {

@@ -43,6 +43,7 @@ TEST(Registry, AnUnknownIdIsAUsageErrorThatListsTheValidOnes) {
   expect_error(ErrorKind::usage, HasSubstr("''"), [] { static_cast<void>(choose_devices("openmp,")); });
   expect_error(ErrorKind::usage, HasSubstr("twice"), [] { static_cast<void>(choose_devices("openmp,openmp")); });
   expect_error(ErrorKind::usage, HasSubstr("stands alone"), [] { static_cast<void>(choose_devices("openmp,auto")); });
+  expect_error(ErrorKind::usage, HasSubstr("stands alone"), [] { static_cast<void>(choose_devices("all,openmp")); });
 }
 
 DeviceEntry entry(const std::string& id, DeviceType type, const std::string& hardware = "", bool available = true) {
@@ -104,6 +105,21 @@ TEST(RankDevices, EmulationsAndWhatIsNotAvailableAreLeftOut) {
   EXPECT_THAT(rank_devices({}, std::ref(rates)), IsEmpty());
 }
 
+TEST(AllDevices, AreOneForEachPieceOfHardwareAndNoEmulations) {
+  const std::vector<DeviceEntry> entries{entry("cuda:0", DeviceType::gpu, "pci 1"),
+                                         entry("cuda:1", DeviceType::gpu, "pci 2"),
+                                         entry("cuda:2", DeviceType::gpu, "pci 3", false),
+                                         entry("opencl:0", DeviceType::gpu, "pci 1"),
+                                         entry("opencl:1", DeviceType::gpu, "pci 4"),
+                                         entry("opencl:2", DeviceType::cpu, "cpu"),
+                                         entry("vulkan:0", DeviceType::gpu, "pci 2"),
+                                         entry("vulkan:1", DeviceType::other),
+                                         entry("openmp", DeviceType::cpu)};
+  Rates rates{{{"cuda:0", 100}, {"cuda:1", 900}, {"opencl:1", 500}}, {}};
+  EXPECT_THAT(all_devices(entries, std::ref(rates)), ElementsAre("cuda:1", "opencl:1", "cuda:0", "vulkan:1", "openmp"));
+  EXPECT_THAT(all_devices(std::vector{entry("openmp", DeviceType::cpu)}, std::ref(rates)), ElementsAre("openmp"));
+}
+
 /// A registry of OpenMP and a made-up backend "gpu" that counts who wakes it.
 struct MadeUp {
   explicit MadeUp(std::vector<DeviceEntry> entries) : gpus(std::move(entries)) {}
@@ -154,7 +170,7 @@ TEST(MadeUpRegistry, SaysWhyADeviceIsNotAvailable) {
   MadeUp made{{entry("gpu:0", DeviceType::gpu, "", false)}};
   const Registry registry = made.registry();
   expect_error(ErrorKind::device, HasSubstr("gpu:0: open: asleep"), [&] { static_cast<void>(registry.open("gpu:0")); });
-  expect_error(ErrorKind::usage, AllOf(HasSubstr("there are auto, openmp"), HasSubstr("gpu:0: asleep")),
+  expect_error(ErrorKind::usage, AllOf(HasSubstr("there are auto, all, openmp"), HasSubstr("gpu:0: asleep")),
                [&] { static_cast<void>(registry.open("gpu:1")); });
   EXPECT_THAT(registry.choose("gpu:0,openmp"), ElementsAre("gpu:0", "openmp"));
 }
