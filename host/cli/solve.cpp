@@ -188,8 +188,10 @@ int run(Options options) {
     tell_pages(options);
   }
   if (solved.lost) {
-    say_error(solved.lost->kind(), fmt::format("{}; what was asked for is written from the last iterate, not converged",
-                                               first_line(solved.lost->what())));
+    say_error(
+        solved.lost->kind(),
+        fmt::format("{}; what was asked for is written from the last iterate, {}", first_line(solved.lost->what()),
+                    solved.report.converged ? "which has converged" : "which has not converged"));
     return exit_status(solved.lost->kind());
   }
   if (console.interrupted()) {

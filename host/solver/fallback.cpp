@@ -181,21 +181,20 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
       team.hear(*scheduler);
     } catch (const Error& error) {
       if (scheduler != nullptr) team.hear(*scheduler);
-      if (solved) solve.begin_anew();
       try {
         candidates.give_up(error);
+        if (solved) solve.begin_anew();
       } catch (const Error& none_left) {
         if (last == LastFails::throws || none_left.kind() != ErrorKind::device || solve.kept_iterations() == 0) throw;
         result.lost = none_left;
-        radiosity = solve.unfinished();
+        if (!solved) radiosity = solve.unfinished();
         done = true;
       }
     }
     if (done || solve.kept_iterations() > before) team.worked();
   }
   result.report = solve.report();
-  if (result.lost) {
-    result.report.converged = false;
+  if (result.lost && !result.report.converged) {
     result.report.reason = fmt::format("the last device was lost after {} iterations: {}", result.report.iterations,
                                        std::string(result.lost->what()));
   }

@@ -89,7 +89,7 @@ using Place = std::function<std::unique_ptr<Scheduler>(std::vector<std::unique_p
 /// When the last device fails.
 enum class LastFails {
   throws,    ///< its Error is thrown
-  gives_up,  ///< where iterations have been kept, the last iterate is the radiosity, not converged, and `lost` says why
+  gives_up,  ///< where iterations have been kept, the last iterate is the radiosity, and `lost` says why
 };
 
 /// The columns for which a Scheduler is made that shall solve for so many.

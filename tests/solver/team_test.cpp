@@ -169,6 +169,31 @@ TEST_P(Team, TheLastDeviceIsOneCleanErrorAndTheIterateIsKept) {
   EXPECT_TRUE(kept);
 }
 
+/// What is measured after the solve may lose the last device: the solution stays.
+TEST(TeamAfter, TheLastDeviceLostBehindTheSolveCostsNoSolution) {
+  const Scene& s = scene();
+  for (const LastFails last : {LastFails::throws, LastFails::gives_up}) {
+    Candidates one(open_device("openmp"));
+    const Place place = [&](std::vector<std::unique_ptr<Device>> devices) {
+      return std::make_unique<Scheduler>(s.room.form_factors, std::move(devices), 3);
+    };
+    const auto after = [](Scheduler&) { throw device_error("openmp", "download", "lost"); };
+    Columns b;
+    const auto run = [&] {
+      return solve_on(one, place, Method::cg, {}, s.room.area, s.light.reflectance, s.light.emittance, b, nullptr,
+                      never, after, last);
+    };
+    if (last == LastFails::throws) {
+      EXPECT_THROW(static_cast<void>(run()), Error);
+      continue;
+    }
+    const FallbackReport report = run();
+    EXPECT_TRUE(report.lost.has_value());
+    EXPECT_TRUE(report.report.converged);
+    EXPECT_TRUE(right(b));
+  }
+}
+
 /// The twin: a part that says nothing and does nothing is seen in the result.
 TEST_P(Team, TwinAPartThatDoesNothingIsSeen) {
   const Attempt whole({"a", "failing"}, GetParam(), no_call, never);
