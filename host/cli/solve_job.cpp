@@ -49,6 +49,7 @@ void check_outputs(const SolveJob& job) {
   std::error_code missing;
   const std::string& kept = job.solving.form_factors;
   if (!kept.empty() && !std::filesystem::exists(kept, missing)) files.push_back(kept);
+  if (!job.checkpoint.file.empty()) files.push_back(job.checkpoint.file);
   check_files(files, job.scene.file);
   for (const std::string& file : result_files(job)) {
     if (kept.empty() || !same_file(file, kept)) continue;
@@ -61,6 +62,7 @@ void check_inputs_stay(const SolveJob& job, const Scene& scene) {
   std::vector<std::string> outputs = result_files(job);
   if (!job.report.empty()) outputs.push_back(job.report);
   if (!job.solving.form_factors.empty()) outputs.push_back(job.solving.form_factors);
+  if (!job.checkpoint.file.empty()) outputs.push_back(job.checkpoint.file);
   for (const std::string& output : outputs) {
     for (const std::filesystem::path& input : scene.files) {
       if (!same_file(output, input.string())) continue;
@@ -190,16 +192,27 @@ JobEnd solve_job(const SolveJob& job, Console& console) {
   Lamps lamps{light_groups(loaded.scene, loaded.mesh, lamps_by)};
   if (has_page(job)) lamps.bounces = bounces_for_page(loaded.mesh.size(), lamps.groups.names.size());
   const std::optional<Atlas> atlas = lightmap_atlas(job.lightmap, loaded.mesh, console);
+  std::optional<CheckpointFile> checkpoint;
+  if (!job.checkpoint.file.empty()) {
+    const IterateKey key = key_of(loaded, lamps, as_kept, job.solving);
+    candidates.keep_in(&checkpoint.emplace(job.checkpoint, key, job.solving.stop, console));
+  }
   const PlacedSolve placed = solve_loaded(loaded, as_kept, job.solving, candidates, console, lamps);
 
   SolveSummary summary = summary_of(job, loaded, placed);
   const Timer writing;
   write_outputs(job, summary, placed, atlas, console);
   summary.write_seconds = writing.seconds();
+  const JobEnd end = end_of(job, placed.solved.report, console.interrupted());
+  if (checkpoint) {
+    // Before the report, which says so; a report that cannot be written costs a solve.
+    if (end.whole) checkpoint->remove();
+    summary.checkpoint = checkpoint->use();
+  }
   summary.total_seconds = total.seconds();
   write_reports(job, summary);
   if (!job.scene.quiet) tell(job, summary, atlas);
-  return end_of(job, placed.solved.report, console.interrupted());
+  return end;
 }
 
 void add_job_options(CLI::App& command, SolveJob& job) {
@@ -213,6 +226,7 @@ void add_job_options(CLI::App& command, SolveJob& job) {
   add_lightmap_options(command, job.lightmap);
   command.add_option("--report", job.report, "the report as JSON")->check(file_name());
   add_solving_options(command, job.solving);
+  add_checkpoint_options(command, job.checkpoint);
   add_light_groups_option(command, job.light_groups);
   add_picture_options(command, job.picture);
 }

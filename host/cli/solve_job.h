@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "checkpoint.h"
 #include "console.h"
 #include "interflect/base/error.h"
 #include "lightmap_options.h"
@@ -23,6 +24,7 @@ struct SolveJob {
   std::vector<std::string> outputs;
   LightmapOptions lightmap;
   std::string report;
+  CheckpointOptions checkpoint;
   SolvingOptions solving;
   std::string light_groups;  ///< empty: "auto" where there is a page, else "none"
   PictureText picture;
