@@ -35,8 +35,7 @@ bool is_picture(const std::string& path) {
 
 /// Everything about the outputs that can be wrong before the work starts.
 void check_outputs(const SolveJob& job) {
-  std::vector<std::string> files = result_files(job);
-  if (!job.report.empty()) files.push_back(job.report);
+  std::vector<std::string> files = outputs_of(job);
   for (const std::string& file : job.outputs) {
     if (std::find(extensions.begin(), extensions.end(), extension_of(file)) == extensions.end()) {
       throw Error(ErrorKind::usage,
@@ -59,8 +58,7 @@ void check_outputs(const SolveJob& job) {
 
 /// What the scene is made of (materials, textures, buffers) is known once it is read.
 void check_inputs_stay(const SolveJob& job, const Scene& scene) {
-  std::vector<std::string> outputs = result_files(job);
-  if (!job.report.empty()) outputs.push_back(job.report);
+  std::vector<std::string> outputs = outputs_of(job);
   if (!job.solving.form_factors.empty()) outputs.push_back(job.solving.form_factors);
   if (!job.checkpoint.file.empty()) outputs.push_back(job.checkpoint.file);
   for (const std::string& output : outputs) {
@@ -169,6 +167,12 @@ std::vector<std::string> result_files(const SolveJob& job) {
   return files;
 }
 
+std::vector<std::string> outputs_of(const SolveJob& job) {
+  std::vector<std::string> files = result_files(job);
+  if (!job.report.empty()) files.push_back(job.report);
+  return files;
+}
+
 void ask_for_page(SolveJob& job) {
   if (has_page(job)) return;
   if (!job.outputs.empty()) {
@@ -177,16 +181,22 @@ void ask_for_page(SolveJob& job) {
   job.outputs.push_back(std::filesystem::path(job.scene.file).stem().string() + ".html");
 }
 
-JobEnd solve_job(const SolveJob& job, Console& console) {
-  const Timer total;
+void check_job(const SolveJob& job) {
   check_outputs(job);
   check_picture(job.picture, std::any_of(job.outputs.begin(), job.outputs.end(), is_picture));
-  Candidates candidates = candidates_of(job.solving, console);
+}
+
+JobEnd solve_job(const SolveJob& job, Console& console, DevicePool* pool) {
+  const Timer total;
+  check_job(job);
+  Candidates candidates =
+      pool != nullptr ? pool->candidates(job.solving.device, console) : candidates_of(job.solving, console);
   candidates.open();  // a device that is not there is found before the work, too
 
   const SceneOptions as_kept = with_the_files_divide(job.scene, job.solving.form_factors);
   const MeshedScene loaded = load(as_kept, console);
   check_inputs_stay(job, loaded.scene);
+  if (job.read) job.read(loaded.scene);
   // A page is for dimming lamps; without one they are told apart only where that is asked for.
   const std::string lamps_by = !job.light_groups.empty() ? job.light_groups : has_page(job) ? "auto" : "none";
   Lamps lamps{light_groups(loaded.scene, loaded.mesh, lamps_by)};
@@ -203,7 +213,7 @@ JobEnd solve_job(const SolveJob& job, Console& console) {
   const Timer writing;
   write_outputs(job, summary, placed, atlas, console);
   summary.write_seconds = writing.seconds();
-  const JobEnd end = end_of(job, placed.solved.report, console.interrupted());
+  JobEnd end = end_of(job, placed.solved.report, console.interrupted());
   if (checkpoint) {
     // Before the report, which says so; a report that cannot be written costs a solve.
     if (end.whole) checkpoint->remove();
@@ -211,7 +221,10 @@ JobEnd solve_job(const SolveJob& job, Console& console) {
   }
   summary.total_seconds = total.seconds();
   write_reports(job, summary);
-  if (!job.scene.quiet) tell(job, summary, atlas);
+  if (job.tell && !job.scene.quiet) tell(job, summary, atlas);
+  end.patches = loaded.mesh.size();
+  end.iterations = placed.solved.report.iterations;
+  end.devices = placed.solved.devices;
   return end;
 }
 
