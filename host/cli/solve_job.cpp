@@ -142,11 +142,14 @@ void tell(const SolveJob& job, const SolveSummary& summary, const std::optional<
 /// The status, and why it is not 0.
 JobEnd end_of(const SolveJob& job, const SolveReport& report, bool interrupted) {
   JobEnd end;
-  end.whole = report.converged || (job.solving.stop.iterations && !report.interrupted);
+  // Of a fixed number of iterations some are missing then, whatever the residual.
+  end.whole = job.solving.stop.iterations ? !report.interrupted : report.converged;
+  const std::string why =
+      report.reason.empty() ? fmt::format("{} iterations are done", report.iterations) : report.reason;
   if (interrupted) {
-    end.fail(ErrorKind::interrupted,
-             report.interrupted ? fmt::format("what was asked for is written from the best so far: {}", report.reason)
-                                : "the solve was done, and what was asked for is written");
+    end.fail(ErrorKind::interrupted, report.interrupted
+                                         ? fmt::format("what was asked for is written from the best so far: {}", why)
+                                         : "the solve was done, and what was asked for is written");
   } else if (!end.whole) {
     end.fail(ErrorKind::not_converged, report.reason);
   }
