@@ -213,34 +213,61 @@ TEST(BatchTest, UnconvergedIsNotDone) {
   }
 }
 
+/// A run that is interrupted once its stderr has a text.
+struct Interrupted {
+  Interrupted(std::vector<std::string> words, const std::string& at) {
+    words.insert(words.begin(), {"interflect", "solve", "--json-progress"});
+    std::vector<char*> arguments;
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    const std::string out_file = output.file("out"), err_file = output.file("err");
+    const pid_t child = ::fork();
+    if (child == 0) {
+      const bool open = ::freopen(out_file.c_str(), "w", stdout) != nullptr &&  //
+                        ::freopen(err_file.c_str(), "w", stderr) != nullptr;
+      if (open) ::execv(INTERFLECT_PROGRAM, arguments.data());
+      ::_exit(127);
+    }
+    while (content_of(err_file).find(at) == std::string::npos) {
+      if (::waitpid(child, &status, WNOHANG) != 0) {
+        ADD_FAILURE() << "ended too early: " << content_of(err_file);
+        return;
+      }
+      ::usleep(1000);
+    }
+    ::kill(child, SIGINT);
+    ::waitpid(child, &status, 0);
+    out = content_of(out_file);
+    err = content_of(err_file);
+  }
+  Folder output;
+  int status = 0;
+  std::string out, err;
+};
+
 TEST(BatchTest, CtrlCEndsTheJobInHandAndLeavesTheOthers) {
   const Scenes s;
-  const Folder output;
-  const pid_t child = ::fork();
-  ASSERT_GE(child, 0);
-  if (child == 0) {
-    static_cast<void>(::freopen(output.file("out").c_str(), "w", stdout));
-    static_cast<void>(::freopen(output.file("err").c_str(), "w", stderr));
-    const std::string pattern = s.folder.file("{name}.csv"), summary = s.folder.file("summary.json");
-    ::execl(INTERFLECT_PROGRAM, "interflect", "solve", s.furnace.c_str(), s.plates.c_str(), "--divide", "0.5",
-            "--method", "jacobi", "--iterations", "10000000", "--json-progress", "-o", pattern.c_str(), "--summary",
-            summary.c_str(), nullptr);
-    ::_exit(127);
-  }
-  while (content_of(output.file("err")).find("\"iteration\"") == std::string::npos) {
-    ASSERT_EQ(::waitpid(child, nullptr, WNOHANG), 0) << content_of(output.file("err"));
-    ::usleep(1000);
-  }
-  ::kill(child, SIGINT);
-  int status = 0;
-  ::waitpid(child, &status, 0);
-  ASSERT_TRUE(WIFEXITED(status));
-  EXPECT_EQ(WEXITSTATUS(status), 130);
+  const Interrupted run({s.furnace, s.plates, "--divide", "0.5", "--method", "jacobi", "--iterations", "10000000", "-o",
+                         s.folder.file("{name}.csv"), "--summary", s.folder.file("summary.json")},
+                        "\"iteration\"");
+  ASSERT_TRUE(WIFEXITED(run.status));
+  EXPECT_EQ(WEXITSTATUS(run.status), 130);
   EXPECT_THAT(s.results(), ElementsAre("interrupted", "not done"));
-  EXPECT_THAT(content_of(output.file("out")), HasSubstr("2 jobs: 1 interrupted, 1 not done"));
-  EXPECT_THAT(content_of(output.file("err")), HasSubstr("\"job\":1,\"jobs\":2"));
+  EXPECT_THAT(run.out, HasSubstr("2 jobs: 1 interrupted, 1 not done"));
+  EXPECT_THAT(run.err, HasSubstr("\"job\":1,\"jobs\":2"));
   EXPECT_THAT(s.folder.names(), Contains("furnace.csv"));  // as a solve alone: the best so far
   EXPECT_THAT(s.folder.names(), Not(Contains("furnace.csv.done")));
+}
+
+TEST(BatchTest, CtrlCBeforeTheSolverSaysWhatIsNotDone) {
+  const Scenes s;
+  const Interrupted run({scene_file("room-9680.obj"), s.plates, "--patches", "30000", "-o", s.folder.file("{name}.csv"),
+                         "--summary", s.folder.file("summary.json")},
+                        "\"form factors\"");
+  EXPECT_TRUE(WIFSIGNALED(run.status) && WTERMSIG(run.status) == SIGINT);  // at once
+  EXPECT_THAT(run.err, HasSubstr("interrupted in job 1 of 2"));
+  EXPECT_THAT(run.err, HasSubstr("it and the 1 after it are not done"));
+  EXPECT_THAT(s.results(), ElementsAre("not done", "not done"));
 }
 
 TEST(BatchTest, OneSceneIsASolveAsEver) {
