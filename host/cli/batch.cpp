@@ -50,10 +50,15 @@ class Batch {
       : jobs_(std::move(jobs)), options_(options), rows_(jobs_.size()) {}
 
   int run() {
-    write_summary();
+    write_summary();  // where that cannot be, nothing is begun
     for (std::size_t k = 0; k < jobs_.size() && !interrupted_; ++k) {
       run_one(k);
-      write_summary();
+      try {
+        write_summary();
+      } catch (const Error& error) {  // such as a full disk: the other jobs and the table do not depend on it
+        say_error(error.kind(), error.what());
+        summary_failed_ = exit_status(error.kind());
+      }
     }
     set_last_words("");
     if (!options_.quiet) print_table();
@@ -86,7 +91,12 @@ class Batch {
   JobEnd solve(PlannedJob& planned, Console& console) {
     JobEnd end;
     ordered_json from;
-    planned.job.read = [&](const Scene& scene) { from = made_from(planned, scene); };
+    planned.job.read = [&](const Scene& scene) {
+      try {
+        from = made_from(planned, scene);
+      } catch (const Error&) {  // gone since it was read: the job goes on, and no note says that it is done
+      }
+    };
     try {
       end = solve_job(planned.job, console, &pool_);
     } catch (const Error& error) {
@@ -97,7 +107,7 @@ class Batch {
       end.fail(ErrorKind::internal, error.what());
     }
     planned.job.read = {};
-    if (!end.whole || done_file(planned.job).empty()) return end;
+    if (!end.whole || from.is_null() || done_file(planned.job).empty()) return end;
     try {
       note_done(planned, from);
     } catch (const Error& error) {
@@ -122,7 +132,7 @@ class Batch {
   [[nodiscard]] int status() const {
     if (interrupted_) return exit_status(ErrorKind::interrupted);
     const auto bad = std::find_if(rows_.begin(), rows_.end(), [](const Row& row) { return row.end.status != 0; });
-    return bad == rows_.end() ? 0 : bad->end.status;
+    return bad == rows_.end() ? summary_failed_ : bad->end.status;
   }
   [[nodiscard]] std::size_t count(Result result) const {
     return static_cast<std::size_t>(
@@ -183,6 +193,7 @@ class Batch {
   DevicePool pool_;
   std::string last_words_;
   bool interrupted_ = false;
+  int summary_failed_ = 0;  ///< the status of the last failure to write it; 0: none
 };
 
 }  // namespace

@@ -90,6 +90,22 @@ TEST_P(GoingOn, EveryIterateLeadsToTheSolution) {
   }
 }
 
+TEST_P(GoingOn, ColumnsThatHaveComeDifferentlyFarGoOnTogether) {
+  Memory one_by_one;
+  ASSERT_TRUE(solve_with(one_by_one, GetParam(), {}, 1).report.converged);
+  bool different = false;
+  for (std::size_t k = 0; k < one_by_one.kept.size(); k += std::max<std::size_t>(1, one_by_one.kept.size() / 8)) {
+    Memory memory;
+    memory.begin = one_by_one.kept[k];
+    const auto& made = memory.begin->made;
+    different = different || (made[0] > 0 && made[2] == 0);
+    const Result rest = solve_with(memory, GetParam());
+    EXPECT_TRUE(rest.report.converged);
+    EXPECT_TRUE(right(rest.b, scene().solution, 5e-6)) << k;
+  }
+  EXPECT_TRUE(different);
+}
+
 TEST(GoingOn, CostsFewerProductsThanFromScratchAndAWrongIterateDoesNot) {
   Memory whole;
   const Result scratch = solve_with(whole, Method::jacobi);
