@@ -14,7 +14,7 @@ import time
 import unittest
 
 import room
-from webdriver import Browser, Picture, why_missing
+from webdriver import Browser, Picture, differing, why_missing
 
 WIDTH, HEIGHT = 700, 400
 CAMERA = "#eye={},{},{}&to={},{},{}&camera=walk".format(*room.EYE, *room.TARGET)
@@ -435,12 +435,6 @@ class Page(unittest.TestCase):
             self.assertGreater(boxes[1][1], 400)  # half of the window is the room's
         finally:
             self.browser.resize(WIDTH, HEIGHT)
-
-
-def differing(first, second):
-    """How many pixels of two pictures differ."""
-    a, b = Picture(first), Picture(second)
-    return sum(a.at(x, y) != b.at(x, y) for y in range(a.height) for x in range(a.width))
 
 
 def read_ply(path):
