@@ -188,8 +188,6 @@ Solved solved_of(FallbackReport done, const PatchMesh& mesh, const Lamps& lamps,
 
 namespace {
 
-constexpr std::uint32_t channels = 3;
-
 using Bounces = std::vector<std::vector<std::vector<Rgb>>>;
 
 Solved solve_dense(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Method method,
