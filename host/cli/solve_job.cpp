@@ -56,17 +56,11 @@ void check_outputs(const SolveJob& job) {
   }
 }
 
-/// What the scene is made of (materials, textures, buffers) is known once it is read.
-void check_inputs_stay(const SolveJob& job, const Scene& scene) {
+void check_scene_stays(const SolveJob& job, const Scene& scene) {
   std::vector<std::string> outputs = outputs_of(job);
   if (!job.solving.form_factors.empty()) outputs.push_back(job.solving.form_factors);
   if (!job.checkpoint.file.empty()) outputs.push_back(job.checkpoint.file);
-  for (const std::string& output : outputs) {
-    for (const std::filesystem::path& input : scene.files) {
-      if (!same_file(output, input.string())) continue;
-      throw Error(ErrorKind::usage, fmt::format("{} belongs to the scene: an output would destroy it", output));
-    }
-  }
+  check_inputs_stay(outputs, scene.files);
 }
 
 void write_outputs(const SolveJob& job, const SolveSummary& summary, const PlacedSolve& placed,
@@ -144,12 +138,10 @@ JobEnd end_of(const SolveJob& job, const SolveReport& report, bool interrupted) 
   JobEnd end;
   // Of a fixed number of iterations some are missing then, whatever the residual.
   end.whole = job.solving.stop.iterations ? !report.interrupted : report.converged;
-  const std::string why =
-      report.reason.empty() ? fmt::format("{} iterations are done", report.iterations) : report.reason;
   if (interrupted) {
-    end.fail(ErrorKind::interrupted, report.interrupted
-                                         ? fmt::format("what was asked for is written from the best so far: {}", why)
-                                         : "the solve was done, and what was asked for is written");
+    end.fail(ErrorKind::interrupted,
+             report.interrupted ? fmt::format("what was asked for is written from the best so far: {}", report.reason)
+                                : "the solve was done, and what was asked for is written");
   } else if (!end.whole) {
     end.fail(ErrorKind::not_converged, report.reason);
   }
@@ -198,7 +190,7 @@ JobEnd solve_job(const SolveJob& job, Console& console, DevicePool* pool) {
 
   const SceneOptions as_kept = with_the_files_divide(job.scene, job.solving.form_factors);
   const MeshedScene loaded = load(as_kept, console);
-  check_inputs_stay(job, loaded.scene);
+  check_scene_stays(job, loaded.scene);
   if (job.read) job.read(loaded.scene);
   // A page is for dimming lamps; without one they are told apart only where that is asked for.
   const std::string lamps_by = !job.light_groups.empty() ? job.light_groups : has_page(job) ? "auto" : "none";
