@@ -49,6 +49,10 @@ class Batch {
   Batch(std::vector<PlannedJob> jobs, const BatchOptions& options)
       : jobs_(std::move(jobs)), options_(options), rows_(jobs_.size()) {}
 
+  Batch(const Batch&) = delete;
+  Batch& operator=(const Batch&) = delete;
+  ~Batch() { set_last_words(""); }
+
   int run() {
     write_summary();  // where that cannot be, nothing is begun
     for (std::size_t k = 0; k < jobs_.size() && !interrupted_; ++k) {

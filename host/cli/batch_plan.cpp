@@ -62,7 +62,6 @@ PlannedJob plan_job(const std::string& scene, const GivenOptions& options, const
   planned.where = where;
   CLI::App app("a job", where);
   app.set_help_flag();
-  planned.job.light_groups.clear();
   add_scene_options(app, planned.job.scene);
   add_job_options(app, planned.job);
   std::vector<std::string> words;
@@ -88,6 +87,7 @@ PlannedJob plan_job(const std::string& scene, const GivenOptions& options, const
     std::replace(message.begin(), message.end(), '\n', ' ');
     throw Error(ErrorKind::usage, fmt::format("{}: {}", where, message));
   }
+  planned.job.lamps_asked = app.count("--light-groups") > 0;
   planned.job.tell = false;
   return planned;
 }

@@ -89,7 +89,7 @@ void add_solving(CLI::App& program, Action& action, const SolvingCommand& which)
   add_scene_options(command, job->scene);
   add_job_options(command, *job);
   command.callback([job, &action, &command] {
-    if (command.count("--light-groups") == 0) job->light_groups.clear();
+    job->lamps_asked = command.count("--light-groups") > 0;
     action = [job] {
       if (job->page) ask_for_page(*job);
       return run(*job);

@@ -193,7 +193,7 @@ JobEnd solve_job(const SolveJob& job, Console& console, DevicePool* pool) {
   check_scene_stays(job, loaded.scene);
   if (job.read) job.read(loaded.scene);
   // A page is for dimming lamps; without one they are told apart only where that is asked for.
-  const std::string lamps_by = !job.light_groups.empty() ? job.light_groups : has_page(job) ? "auto" : "none";
+  const std::string lamps_by = job.lamps_asked ? job.light_groups : has_page(job) ? "auto" : "none";
   Lamps lamps{light_groups(loaded.scene, loaded.mesh, lamps_by)};
   if (has_page(job)) lamps.bounces = bounces_for_page(loaded.mesh.size(), lamps.groups.names.size());
   const std::optional<Atlas> atlas = lightmap_atlas(job.lightmap, loaded.mesh, console);

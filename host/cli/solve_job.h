@@ -29,7 +29,8 @@ struct SolveJob {
   std::string report;
   CheckpointOptions checkpoint;
   SolvingOptions solving;
-  std::string light_groups;  ///< empty: "auto" where there is a page, else "none"
+  std::string light_groups;
+  bool lamps_asked = false;  ///< light_groups was given; else "auto" where there is a page, and "none" elsewhere
   PictureText picture;
   bool tell = true;                          ///< print the summary, unless --quiet
   std::function<void(const Scene&)> read{};  ///< if given, called once the scene is read
