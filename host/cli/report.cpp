@@ -157,7 +157,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["method"] = std::string(name(summary.method));
   out["tolerance"] = summary.stop.tolerance;
   out["converged"] = report.converged;
-  if (!report.converged) out["reason"] = report.reason;
+  if (!report.reason.empty()) out["reason"] = report.reason;
   out["interrupted"] = report.interrupted;
   out["iterations"] = report.iterations;
   out["products"] = report.products;
@@ -201,6 +201,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["energy"] = energy_json(summary.energy);
   out["assembly"] = assembly_json(assembled, summary.assembly);
   out["form_factors"] = kept_json(summary.kept);
+  out["checkpoint"] = checkpoint_json(summary.checkpoint);
   out["estimated_error"] = {{"row_sum", error_json(summary.row_error)},
                             {"radiosity", error_json(summary.radiosity_error)}};
   out["warnings"] = loaded.warnings;
@@ -260,6 +261,7 @@ std::string to_text(const SolveSummary& summary) {
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,
                      report.seconds);
   out += shares_text(summary.solved->shares);
+  out += checkpoint_text(summary.checkpoint);
   for (const DeviceFailure& failure : summary.solved->failures) {
     out += fmt::format("failed         {}\n", first_line(failure.reason));
   }

@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 
+#include "checkpoint.h"
 #include "interflect/formfactor/estimate.h"
 #include "kept.h"
 #include "pipeline.h"
@@ -24,6 +25,7 @@ struct SolveSummary {
   double estimate_seconds = 0, write_seconds = 0, total_seconds = 0;
   Kept kept = {};
   EstimatedError row_error = {}, radiosity_error = {};
+  std::optional<CheckpointUse> checkpoint = {};
 };
 
 /// The JSON report: the fields that DESIGN's section on the command line fixes, and more beside them.

@@ -84,15 +84,16 @@ std::vector<double> weights_of(const std::string& text, std::size_t devices) {
 
 }  // namespace
 
+std::optional<SplitOptions> together_of(const SolvingOptions& options, std::size_t devices) {
+  if (options.device != "auto") return SplitOptions{.weights = weights_of(options.split, devices), .said = {}};
+  if (options.split == "auto") return std::nullopt;
+  throw Error(ErrorKind::usage, "--split needs the devices that share: --device with their ids, or all");
+}
+
 Candidates candidates_of(const SolvingOptions& options, ProgressSink& progress) {
   std::vector<std::string> ids = choose_devices(options.device);
-  const auto open = [](const std::string& id) { return open_device(id); };
-  if (options.device == "auto" && options.split != "auto") {
-    throw Error(ErrorKind::usage, "--split needs the devices that share: --device with their ids, or all");
-  }
-  if (options.device == "auto") return {std::move(ids), open, &progress};
-  SplitOptions split{.weights = weights_of(options.split, ids.size()), .said = {}};
-  return {std::move(ids), open, &progress, std::move(split)};
+  std::optional<SplitOptions> together = together_of(options, ids.size());
+  return {std::move(ids), [](const std::string& id) { return open_device(id); }, &progress, std::move(together)};
 }
 
 PlacedSolve solve_loaded(const MeshedScene& loaded, const SceneOptions& scene, const SolvingOptions& options,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <optional>
 #include <string>
 
 #include "interflect/solver/solver.h"
@@ -23,6 +24,10 @@ struct SolvingOptions {
 };
 /// --form-factors, --device, --method, --tol, --max-iterations, --iterations, --storage, --assembly
 void add_solving_options(CLI::App& command, SolvingOptions& options);
+
+/// How so many devices share F: nothing where one is used, the next one when it fails. Throws a usage Error for a
+/// --split that does not fit them.
+[[nodiscard]] std::optional<SplitOptions> together_of(const SolvingOptions& options, std::size_t devices);
 
 /// The devices that were asked for. Open them before other work: one that is not there is found then.
 [[nodiscard]] Candidates candidates_of(const SolvingOptions& options, ProgressSink& progress);

@@ -159,6 +159,7 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
                         const std::function<void(Scheduler&)>& after, LastFails last) {
   FallbackReport result;
   BatchedSolve solve(method, stop, area, reflectance, emittance, interval);
+  if (candidates.keeper() != nullptr) solve.keep_in(*candidates.keeper());
   std::unique_ptr<Scheduler> scheduler;
   Team team(candidates, result);
   for (bool done = false; !done;) {

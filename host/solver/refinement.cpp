@@ -37,6 +37,7 @@ void Refinement::begin(const Columns& emittance, const Checkpoint* checkpoint) {
     made_ = kept_ = checkpoint->kept_iterations;
     problem_.residual(b_, residual_);
   }
+  bool any_good = false;
   for (std::size_t c = 0; c < b_.size(); ++c) {
     const double relative = resumed_ ? problem_.relative(residual_[c], c) : 0.0;
     const bool good = std::isfinite(relative) && (relative <= 1.0 || stop_.iterations);
@@ -44,7 +45,12 @@ void Refinement::begin(const Columns& emittance, const Checkpoint* checkpoint) {
       at_zero(c);
     } else {
       report_.relative_residual[c] = relative;
+      any_good = true;
     }
+  }
+  if (resumed_ && !any_good) {  // nothing of it was used: this is a beginning
+    resumed_ = false;
+    made_ = kept_ = 0;
   }
 }
 
@@ -67,7 +73,7 @@ void Refinement::run() {
   if (dark || (report_.converged && !stop_.iterations)) return;
   Verdict verdict = Verdict::go_on;
   if (resumed_ && budget() == 0) {
-    if (!report_.converged) say_why(verdict);
+    if (!report_.converged || report_.interrupted) say_why(verdict);
     return;
   }
   correction_ = make_correction(method_, scheduler_, problem_.reflectance(), problem_.weight());
@@ -79,7 +85,7 @@ void Refinement::run() {
     report_.converged = within_tolerance();
     if (report_.converged || report_.interrupted || verdict == Verdict::not_finite || budget() == 0) break;
   }
-  if (!report_.converged) say_why(verdict);
+  if (!report_.converged || report_.interrupted) say_why(verdict);
 }
 
 /// One single-precision solve for the residual: next = b + r + x, with r/‖r‖ as right-hand side.
@@ -144,6 +150,7 @@ void Refinement::take_checkpoint() {
   if (!corrected(x, next)) return;
   taken_ = std::move(next);
   taken_made_ = made_;
+  keep(taken_, taken_made_);
 }
 
 /// Iterates until the pass's target, the end of the budget, or trouble.
@@ -188,6 +195,7 @@ bool Refinement::accept(Columns& next) {
   }
   kept_ = made_;
   taken_.clear();
+  keep(b_, kept_);
   return improved;
 }
 
