@@ -102,6 +102,25 @@ TEST(SplitProduct, AnySplitOfDense32GivesTheBitsOfOneDevice) {
   }
 }
 
+/// What one of several processes has: the devices share those rows, and leave the others of y as they are.
+TEST(SplitProduct, SharesTheRowsThatAMatrixHas) {
+  const Room& all = room();
+  const std::uint32_t n = all.form_factors.size(), first = 96, end = 331;
+  FormFactorMatrix rows = FormFactorMatrix::rows_only(n, first, end);
+  for (std::uint32_t i = first; i < end; ++i) {
+    std::copy(all.form_factors.row(i).begin(), all.form_factors.row(i).end(), rows.row(i).begin());
+  }
+  const Columns x = wave(3), whole = product_on(all.form_factors, openmp(), x);
+  for (const bool share : {true, false}) {
+    const Columns y = product_on(rows, devices(3, {}, share), x, {.weights = {2, 1, 3}});
+    for (std::size_t c = 0; c < 3; ++c) {
+      for (std::uint32_t i = 0; i < n; ++i) {
+        ASSERT_EQ(y[c][i], i >= first && i < end ? whole[c][i] : 0.0F) << i;
+      }
+    }
+  }
+}
+
 TEST(SplitProduct, SixteenBitFormatsAgreeWithOneDevice) {
   const Columns x = wave(3);
   for (const Storage storage : {Storage::dense16, Storage::tiled16, Storage::sym16}) {
