@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "launch.h"
+
 namespace interflect::cli {
 
 namespace {
@@ -103,6 +105,7 @@ void Console::be_patient(const std::string& promise) {
   line_ = fmt::format("interrupted: {} (once more to end at once)", promise);
   line_ = voice_ == Voice::json ? nlohmann::ordered_json{{"message", line_}}.dump() + "\n"
                                 : fmt::format("{}interflect: {}\n", terminal_ ? "\r\x1b[K" : "", line_);
+  if (!speaks()) line_.clear();
   patient_.emplace(line_);
 }
 

@@ -24,6 +24,7 @@ struct SolveSummary {
   double estimate_seconds = 0, write_seconds = 0, total_seconds = 0;
   Kept kept = {};
   EstimatedError row_error = {}, radiosity_error = {};
+  std::optional<RanksReport> ranks = {};
 };
 
 /// The JSON report: the fields that DESIGN's section on the command line fixes, and more beside them.

@@ -14,6 +14,7 @@
 #include "interflect/base/timer.h"
 #include "interflect/output/lightmap.h"
 #include "kept.h"
+#include "launch.h"
 #include "lightmap_options.h"
 #include "outputs.h"
 #include "page.h"
@@ -144,28 +145,42 @@ void tell_pages(const Options& options) {
   }
 }
 
+int status_of(const SolveReport& report, const StopTest& stop) {
+  if (report.interrupted) return exit_status(ErrorKind::interrupted);
+  return report.converged || stop.iterations ? 0 : exit_status(ErrorKind::not_converged);
+}
+
 int run(Options options) {
   const Timer total;
   if (options.page) ask_for_page(options);
   Console console(voice_of(options.scene));
-  check_outputs(options);
-  check_picture(options.picture, std::any_of(options.outputs.begin(), options.outputs.end(), is_picture));
-  Candidates candidates = candidates_of(options.solving, console);
-  candidates.open();  // a device that is not there is found before the work, too
+  Candidates candidates = together([&] {
+    if (speaks()) check_outputs(options);
+    check_picture(options.picture, std::any_of(options.outputs.begin(), options.outputs.end(), is_picture));
+    Candidates asked = candidates_of(options.solving, console);
+    asked.open();  // a device that is not there is found before the work, too
+    return asked;
+  });
 
-  const SceneOptions as_kept = with_the_files_divide(options.scene, options.solving.form_factors);
-  const MeshedScene loaded = load(as_kept, console);
-  check_inputs_stay(options, loaded.scene);
+  const SceneOptions as_kept =
+      together([&] { return with_the_files_divide(options.scene, options.solving.form_factors); });
+  const MeshedScene loaded = together([&] {
+    MeshedScene scene = load(as_kept, console);
+    check_inputs_stay(options, scene.scene);
+    return scene;
+  });
   Lamps lamps{light_groups(loaded.scene, loaded.mesh, options.light_groups)};
   if (has_page(options)) lamps.bounces = bounces_for_page(loaded.mesh.size(), lamps.groups.names.size());
-  const std::optional<Atlas> atlas = lightmap_atlas(options.lightmap, loaded.mesh, console);
+  const std::optional<Atlas> atlas = !speaks() ? std::nullopt : lightmap_atlas(options.lightmap, loaded.mesh, console);
   const PlacedSolve placed = solve_loaded(loaded, as_kept, options.solving, candidates, console, lamps);
   const Solved& solved = placed.solved;
   const AssemblyReport& assembled = placed.factors.report;
+  if (!speaks()) return status_of(solved.report, options.solving.stop);
 
   SolveSummary summary{&loaded,       &assembled,     &solved, options.solving.chosen_method(), options.solving.stop,
                        placed.energy, placed.assembly};
   summary.kept = placed.kept;
+  summary.ranks = placed.ranks;
   const Timer estimating;
   summary.row_error = row_sum_error(assembled.tile_variance, loaded.mesh.area);
   summary.radiosity_error =

@@ -3,6 +3,7 @@
 #include "interflect/device/registry.h"
 #include "interflect/schedule/storage_choice.h"
 #include "kept.h"
+#include "rank_solve.h"
 #include "validators.h"
 
 namespace interflect::cli {
@@ -41,11 +42,12 @@ void add_solving_options(CLI::App& command, SolvingOptions& options) {
 }
 
 Candidates candidates_of(const SolvingOptions& options, ProgressSink& progress) {
-  return {choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &progress};
+  return {devices_of_rank(options.device), [](const std::string& id) { return open_device(id); }, &progress};
 }
 
 PlacedSolve solve_loaded(const MeshedScene& loaded, const SceneOptions& scene, const SolvingOptions& options,
                          Candidates& candidates, ProgressSink& progress, const Lamps& lamps) {
+  if (ranks().size() > 1) return solve_on_ranks(loaded, scene, options, candidates, progress, lamps);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const auto storage = storage_of(options.storage);
   const Method method = options.chosen_method();

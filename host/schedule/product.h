@@ -50,6 +50,9 @@ class Product {
   /// F x of the stored matrix in double, by patch.
   virtual void exact(const Columns& x, std::vector<std::vector<double>>& y) const = 0;
 
+  /// What comes down from the device for a decision: of several ranks rank 0's, where their devices differ.
+  virtual void agree(std::span<float> /*values*/) {}
+
   [[nodiscard]] std::uint64_t uploaded_bytes() const { return uploaded_bytes_; }
   [[nodiscard]] double compile_seconds() const { return compile_seconds_; }
 

@@ -11,6 +11,7 @@
 #include "interflect/base/timer.h"
 #include "interflect/schedule/device_form_factors.h"
 #include "interflect/schedule/product.h"
+#include "interflect/schedule/rank_product.h"
 
 namespace interflect {
 
@@ -63,6 +64,13 @@ Scheduler::Scheduler(const FormFactorMatrix& form_factors, std::vector<std::uniq
                      std::uint32_t columns)
     : Scheduler(std::move(devices), form_factors.size(), columns) {
   product_ = make_product(form_factors, *device_, arguments_, groups_);
+  place();
+}
+
+Scheduler::Scheduler(const FormFactorMatrix& rows, Ranks& ranks, std::vector<std::unique_ptr<Device>> devices,
+                     std::uint32_t columns)
+    : Scheduler(std::move(devices), rows.size(), columns) {
+  product_ = make_product(rows, ranks, *device_, arguments_, groups_);
   place();
 }
 
@@ -205,6 +213,7 @@ void Scheduler::download(const Vector& from, Columns& to) {
 
 void Scheduler::download(const Vector& from, std::span<float> to) {
   device_->queue().download(*from.buffer_, 0, std::as_writable_bytes(to));
+  product_->agree(to);
 }
 
 void Scheduler::apply(Vector& x, Vector& y) {

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "interflect/base/ranks.h"
 #include "interflect/device/device.h"
 #include "interflect/device/kernel_arguments.h"
 #include "interflect/formfactor/form_factor_matrix.h"
@@ -56,6 +57,12 @@ class Scheduler {
   /// allocated, when panels and vectors exceed the device's memory or one row or vector exceeds its largest buffer;
   /// device Errors.
   Scheduler(const FormFactorMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);
+  /// The same for one of several ranks, whose matrix has that rank's rows (FormFactorMatrix::rows_only): every rank has
+  /// whole vectors, and gets the rows of y from the others. Collective, as are apply() and exact_product(), and, where
+  /// the ranks' devices differ, download(): then all have what rank 0 has. A device Error of one rank in placing is an
+  /// AgreedError of all.
+  Scheduler(const FormFactorMatrix& rows, Ranks& ranks, std::vector<std::unique_ptr<Device>> devices,
+            std::uint32_t columns);
   /// The same for a 16-bit format: panels of strips or blocks. Vectors then lie in the matrix's own order of patches;
   /// upload() and download() take and give columns by patch.
   Scheduler(const PackedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);

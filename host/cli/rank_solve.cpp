@@ -1,0 +1,234 @@
+#include "rank_solve.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "interflect/base/error.h"
+#include "interflect/base/file.h"
+#include "interflect/device/registry.h"
+#include "interflect/formfactor/rank_assembly.h"
+#include "interflect/schedule/storage_choice.h"
+
+namespace interflect::cli {
+
+namespace {
+
+/// A sink whose interrupted() is rank 0's on every rank.
+class RankProgress final : public ProgressSink {
+ public:
+  explicit RankProgress(ProgressSink& own) : own_(own) {}
+  void begin(std::string_view stage, std::uint64_t total) override { own_.begin(stage, total); }
+  void advance(std::uint64_t steps) override { own_.advance(steps); }
+  void end() override { own_.end(); }
+  void message(std::string_view line) override { own_.message(line); }
+  void iteration(std::uint32_t number, double residual) override { own_.iteration(number, residual); }
+  [[nodiscard]] bool interrupted() override { return ranks().rank_zeros(own_.interrupted()); }
+
+ private:
+  ProgressSink& own_;
+};
+
+/// What fails on all ranks together stays an AgreedError, whoever passes it on as an Error.
+class Keeping {
+ public:
+  template <class Work>
+  auto within(const Work& work) {
+    try {
+      return work();
+    } catch (const AgreedError& error) {
+      error_.emplace(error);
+      throw;
+    }
+  }
+  template <class Work>
+  auto around(const Work& work) {
+    try {
+      return work();
+    } catch (const Error&) {
+      if (error_) throw AgreedError(*error_);
+      throw;
+    }
+  }
+
+ private:
+  std::optional<AgreedError> error_;
+};
+
+[[noreturn]] void refuse(const std::string& what) {
+  throw AgreedError(ErrorKind::usage, fmt::format("{}: not on several ranks yet: start it without mpirun", what));
+}
+
+void check(const SceneOptions& scene, const SolvingOptions& options) {
+  const auto storage = storage_of(options.storage);
+  if (storage && *storage != Storage::dense32) refuse("--storage " + options.storage);
+  if (scene.memory) refuse("--memory");
+}
+
+/// Makes F's rows on the host, by tiles of the device where that assembles.
+RankFormFactors assemble(const MeshedScene& loaded, const AssemblyOptions& options, Assembler& assembler,
+                         RankStore* store, ProgressSink& progress) {
+  RankFormFactors out;
+  Keeping keeping;
+  keeping.around([&] {
+    assembler.run(options, [&](const AssemblyOptions& with_maker) -> AssemblyReport& {
+      keeping.within([&] { out = assemble_rows(ranks(), loaded.mesh, with_maker, store, &progress); });
+      return out.own.report;
+    });
+  });
+  report_warnings(out.own.report, loaded.scene.file, progress);
+  return out;
+}
+
+struct KeptRows {
+  RankFormFactors rows;
+  Kept kept;
+};
+
+KeptRows keep_rows(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
+                   Assembler& assembler, ProgressSink& progress) {
+  iff::Shape shape = wanted_shape(loaded, options);
+  shape.key.maker = assembler.maker();
+  const auto makers = ranks().all_values(static_cast<double>(shape.key.maker));
+  if (std::adjacent_find(makers.begin(), makers.end(), std::not_equal_to<>()) != makers.end()) {
+    throw AgreedError(ErrorKind::usage, fmt::format("{}: the ranks' devices are of several kinds, whose form factors "
+                                                    "are not mixed in a file: use --assembly host",
+                                                    file));
+  }
+  const PatientInterrupt patient(speaks() ? PatientInterrupt::panel_in_hand : std::string_view());
+  RankStore store(ranks(), file, shape,
+                  {IffStore::Mode::make, PatientInterrupt::asked,
+                   [&](const std::string& line) { progress.message(line); }});
+  const AssemblyOptions assembly = assembly_options(options);
+  KeptRows out{assemble(loaded, assembly, assembler, &store, progress), {}};
+  const AssemblyReport& report = out.rows.own.report;
+  const IffClosing closing =
+      speaks() ? iff_closing(loaded.mesh, loaded.scene.materials, assembly.closure, report) : IffClosing{};
+  store.finish(closing);
+  if (ranks().rank_zeros(PatientInterrupt::asked())) {
+    throw AgreedError(ErrorKind::interrupted, fmt::format("{} is complete, and serves the same command", file));
+  }
+  out.kept = kept_of(file, store.shape(), report.panels_reused, report.panels_reused == 0 ? "computed" : "continued");
+  return out;
+}
+
+/// F's rows: from the file, computed and kept in it, or computed.
+KeptRows rows_for_solve(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
+                        Assembler& assembler, ProgressSink& progress) {
+  const AssemblyOptions assembly = assembly_options(options);
+  if (file.empty()) return {assemble(loaded, assembly, assembler, nullptr, progress), {}};
+  if (!ranks().rank_zeros(is_there(file))) return keep_rows(file, loaded, options, assembler, progress);
+  const IffFile there = together([&] { return open_fitting(file, loaded, options); });
+  KeptRows out;
+  if (there.closed_as(assembly.closure)) {
+    progress.message(fmt::format("{}: its form factors are used (accuracy {}, seed {})", file,
+                                 text_of({there.accuracy()}), there.seed()));
+    out.rows = read_rows(ranks(), there);
+    out.kept = kept_of(file, there.shape(), there.panels(), "reused");
+  } else {
+    progress.message(closure_anew(there, "its form factors"));
+    out.rows = close_rows(ranks(), loaded.mesh, assembly_options(as_made(options, there.shape())), there, &progress);
+    out.kept = kept_of(file, there.shape(), there.panels(), "closure found anew");
+  }
+  report_warnings(out.rows.own.report, file, progress);
+  return out;
+}
+
+RanksReport report_of(const RankFormFactors& rows, const std::vector<std::string>& devices, const RanksUse& assembly,
+                      const RanksUse& solve) {
+  RanksReport out{ranks().transport(), ranks().all_texts(fmt::format("{}", fmt::join(devices, ","))), {}, assembly,
+                  solve};
+  const FormFactorMatrix& own = rows.own.matrix;
+  for (const double count : ranks().all_values(static_cast<double>(own.end_row() - own.first_row()))) {
+    out.rows.push_back(static_cast<std::uint32_t>(count));
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<std::string> devices_of_rank(const std::string& text) {
+  if (ranks().size() == 1) return choose_devices(text);
+  std::vector<std::string> ids;
+  if (text == "auto") {
+    const std::vector<DeviceEntry> entries = list_devices();
+    std::vector<std::string> pieces;  // the hardware of those taken
+    for (const std::string& id : rank_devices(entries, [](const DeviceEntry&) { return 1.0; })) {
+      const auto entry = std::find_if(entries.begin(), entries.end(), [&](const auto& e) { return e.info.id == id; });
+      const std::string& hardware = entry->info.hardware;
+      if (!hardware.empty() && std::find(pieces.begin(), pieces.end(), hardware) != pieces.end()) continue;
+      pieces.push_back(hardware);
+      ids.push_back(id);
+    }
+    if (ids.size() > 1) std::erase(ids, "openmp");
+  } else {
+    ids = choose_devices(text);
+  }
+  return {ids[ranks().local_rank() % ids.size()]};
+}
+
+PlacedSolve solve_on_ranks(const MeshedScene& loaded, const SceneOptions& scene, const SolvingOptions& options,
+                           Candidates& candidates, ProgressSink& progress, const Lamps& lamps) {
+  check(scene, options);
+  const PatchMesh& mesh = loaded.mesh;
+  Assembler assembler(candidates, assembly_place(options.assembly));
+  const RanksUse at_first = ranks().use();
+  KeptRows kept = rows_for_solve(options.form_factors, loaded, scene, assembler, progress);
+  const RanksUse assembled = ranks().use();
+
+  PlacedSolve out;
+  out.kept = std::move(kept.kept);
+  out.assembly = assembler.use();
+  const FormFactorMatrix& rows = kept.rows.own.matrix;
+  const Light light = light_of(mesh, lamps.groups);
+  RankProgress rank_progress(progress);
+  Columns radiosity;
+  std::vector<std::vector<double>> received;  // F b
+  std::vector<std::vector<std::vector<Rgb>>> bounces;
+  RanksUse solved_use;
+  Keeping keeping;
+  const Place place = [&](std::unique_ptr<Device> device) {
+    std::vector<std::unique_ptr<Device>> devices;
+    devices.push_back(std::move(device));
+    const std::uint32_t columns = columns_at_once(light.emittance.size());
+    return keeping.within([&] { return std::make_unique<Scheduler>(rows, ranks(), std::move(devices), columns); });
+  };
+  const auto after = [&](Scheduler& scheduler) {
+    solved_use = ranks().use() - assembled;
+    if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
+    const Columns sum = sum_of_groups(radiosity);
+    scheduler.use_columns(static_cast<std::uint32_t>(sum.size()));
+    scheduler.exact_product(sum, received);
+  };
+  // No checkpoints in between: a device that fails ends the job.
+  constexpr double never = std::numeric_limits<double>::infinity();
+  FallbackReport done = keeping.around([&] {
+    return solve_on(candidates, place, options.chosen_method(), options.stop, mesh.area, light.reflectance,
+                    light.emittance, radiosity, &rank_progress, never, after);
+  });
+  const std::vector<std::string> devices = done.devices;
+  out.solved = solved_of(std::move(done), mesh, lamps, radiosity,
+                         {Storage::dense32, kept.rows.bytes, kept.rows.nonzero_fraction});
+  out.solved.bounces = std::move(bounces);
+  out.assembly.bytes_over_bus += out.solved.uploaded_bytes;
+  out.energy = energy_balance([&](const Columns&, auto& y) { y = received; }, mesh, out.solved.radiosity,
+                              kept.rows.own.report.row_sum);
+  out.ranks = report_of(kept.rows, devices, assembled - at_first, solved_use);
+  out.factors = std::move(kept.rows.own);
+  return out;
+}
+
+KeptFormFactors keep_on_ranks(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
+                              Assembler& assembler, ProgressSink& progress) {
+  if (options.memory) refuse("--memory");
+  KeptRows kept = keep_rows(file, loaded, options, assembler, progress);
+  KeptFormFactors out;
+  out.factors.report = std::move(kept.rows.own.report);
+  out.kept = std::move(kept.kept);
+  return out;
+}
+
+}  // namespace interflect::cli
