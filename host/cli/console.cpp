@@ -83,7 +83,10 @@ void Console::advance(std::uint64_t steps) {
 }
 
 void Console::iteration(std::uint32_t number, double residual) {
-  if (!patient_) be_patient("the best result so far is written");
+  if (!patient_) {
+    be_patient(ranks().size() > 1 ? "mpirun ends the job; the best result so far is written if all ranks are there"
+                                  : "the best result so far is written");
+  }
   if (!terminal_ && voice_ != Voice::json) return;
   const std::lock_guard lock(mutex_);
   iteration_ = number;

@@ -112,6 +112,8 @@ int fail_job(ErrorKind kind, std::string_view message, bool is_agreed) {
   const int status = exit_status(kind);
   if (is_agreed || joined == nullptr || joined->size() == 1) {
     if (speaks()) say_error(kind, message);
+    // mpirun ends all when the first one has left: rank 0 may not have spoken yet.
+    if (!speaks() && joined == nullptr) std::this_thread::sleep_for(std::chrono::milliseconds(500));
     joined.reset();
     return status;
   }

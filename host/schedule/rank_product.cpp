@@ -26,14 +26,14 @@ class RankProduct final : public Product {
       : Product(device, shape, groups), local_(std::move(local)), ranks_(ranks) {
     const std::vector<std::string> devices = ranks.all_texts(signature(device.info(), shape.columns));
     differ_ = std::adjacent_find(devices.begin(), devices.end(), std::not_equal_to<>()) != devices.end();
-    std::uint32_t next = 0;
-    for (const double end : ranks.all_values(static_cast<double>(form_factors.end_row()))) {
-      rows_.push_back({next, static_cast<std::uint32_t>(end) - next});
-      next = static_cast<std::uint32_t>(end);
+    const std::vector<double> firsts = ranks.all_values(static_cast<double>(form_factors.first_row()));
+    const std::vector<double> ends = ranks.all_values(static_cast<double>(form_factors.end_row()));
+    double next = 0;
+    for (std::size_t k = 0; k < ends.size(); next = ends[k++]) {
+      if (firsts[k] != next) break;
+      rows_.push_back({static_cast<std::uint32_t>(firsts[k]), static_cast<std::uint32_t>(ends[k] - firsts[k])});
     }
-    if (next != shape.n || rows_[ranks.rank()].first != form_factors.first_row()) {
-      throw Error(ErrorKind::internal, "the ranks' rows are not all rows of F in their order");
-    }
+    if (next != shape.n) throw AgreedError(ErrorKind::internal, "the ranks' rows are not all rows of F in their order");
   }
 
   [[nodiscard]] std::uint64_t needed_bytes() const override { return local_->needed_bytes(); }

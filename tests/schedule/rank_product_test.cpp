@@ -91,12 +91,12 @@ TEST(RankProduct, HasTheBitsOfOneProcessOnEveryRank) {
 TEST(RankProduct, DiffersWhereAGatherLosesRows) {
   ThreadWorld world(3);
   world.spoil = [](std::span<const std::uint64_t> bytes, std::span<std::byte> all) {
-    if (bytes[1] < 1000) return;  // not rows
+    if (bytes[1] < 700) return;  // not rows
     std::memset(all.data() + bytes[0], 0, bytes[1]);
   };
   for (const Products& there : by_ranks(world, 3)) {
-    EXPECT_NE(there.y, by_one_process().y);
-    EXPECT_NE(there.exact, by_one_process().exact);
+    EXPECT_FALSE(there.y == by_one_process().y);
+    EXPECT_FALSE(there.exact == by_one_process().exact);
   }
 }
 
@@ -108,7 +108,7 @@ TEST(RankProduct, DiffersWhereAGatherSwapsRows) {
                      all.begin() + static_cast<std::ptrdiff_t>(bytes[0] + bytes[1]),
                      all.begin() + static_cast<std::ptrdiff_t>(bytes[0] + bytes[1]));
   };
-  for (const Products& there : by_ranks(world, 4)) EXPECT_NE(there.y, by_one_process().y);
+  for (const Products& there : by_ranks(world, 4)) EXPECT_FALSE(there.y == by_one_process().y);
 }
 
 /// Solves on every rank of three; where they differ rank 1's device has another name, and so another signature, and
@@ -136,8 +136,8 @@ std::vector<Columns> solve_by_ranks(bool differ) {
 TEST(RankProduct, SolvesAlikeOnEveryRankWhereDevicesDiffer) {
   for (const bool differ : {false, true}) {
     const std::vector<Columns> solved = solve_by_ranks(differ);
-    EXPECT_EQ(solved[1], solved[0]) << differ;
-    EXPECT_EQ(solved[2], solved[0]) << differ;
+    EXPECT_TRUE(solved[1] == solved[0]) << differ;
+    EXPECT_TRUE(solved[2] == solved[0]) << differ;
   }
 }
 
