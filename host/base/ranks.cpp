@@ -112,8 +112,7 @@ void agreed(Ranks& ranks, const std::function<void()>& work) {
                     all ? texts[rank] : fmt::format("{} (rank {})", texts[rank], rank));
 }
 
-void OneRank::do_all_gather(std::span<const std::byte> mine, std::span<const std::uint64_t>,
-                            std::span<std::byte> all) {
+void OneRank::do_all_gather(std::span<const std::byte> mine, std::span<const std::uint64_t>, std::span<std::byte> all) {
   std::copy(mine.begin(), mine.end(), all.begin());
 }
 

@@ -2,6 +2,8 @@
 
 #include <dlfcn.h>
 #include <fmt/format.h>
+#include <omp.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -69,6 +71,15 @@ Join open_module(const std::filesystem::path& file) {
   return join;
 }
 
+/// Ranks of one machine that are bound to no processors of their own (mpirun --bind-to none, or to a whole socket) do
+/// not each start a thread for every one.
+void share_processors(const Ranks& here) {
+  if (std::getenv("OMP_NUM_THREADS") != nullptr) return;
+  const long there = ::sysconf(_SC_NPROCESSORS_ONLN);
+  const int share = std::max(1, static_cast<int>(there) / static_cast<int>(here.local_size()));
+  omp_set_num_threads(std::min(omp_get_max_threads(), share));
+}
+
 }  // namespace
 
 Ranks& ranks() {
@@ -87,14 +98,16 @@ Launch::Launch(std::string_view command) {
     join = open_module(module_file());
   } catch (const Error& error) {
     if (started == 1) return;  // a job of one rank needs no other
-    throw Error(error.kind(), fmt::format("mpirun has started this program as {} ranks, and {}: start it without mpirun",
-                                          started, error.what()));
+    throw Error(error.kind(),
+                fmt::format("mpirun has started this program as {} ranks, and {}: start it without mpirun", started,
+                            error.what()));
   }
   joined.reset(join());
   if (started > 1 && joined->size() == 1) {
     throw Error(ErrorKind::usage, fmt::format("mpirun has started {} ranks, and {} knows of one: it is another MPI",
                                               started, joined->transport()));
   }
+  share_processors(*joined);
   constexpr std::array on_ranks{"solve", "view", "formfactors"};
   for (const char* known : on_ranks) {
     if (command == known || joined->size() == 1) return;

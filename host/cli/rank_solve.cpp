@@ -99,9 +99,9 @@ KeptRows keep_rows(const std::string& file, const MeshedScene& loaded, const Sce
                                                     file));
   }
   const PatientInterrupt patient(speaks() ? PatientInterrupt::panel_in_hand : std::string_view());
-  RankStore store(ranks(), file, shape,
-                  {IffStore::Mode::make, PatientInterrupt::asked,
-                   [&](const std::string& line) { progress.message(line); }});
+  RankStore store(ranks(), file, shape, {IffStore::Mode::make, PatientInterrupt::asked, [&](const std::string& line) {
+                                           progress.message(line);
+                                         }});
   const AssemblyOptions assembly = assembly_options(options);
   KeptRows out{assemble(loaded, assembly, assembler, &store, progress), {}};
   const AssemblyReport& report = out.rows.own.report;
@@ -139,8 +139,8 @@ KeptRows rows_for_solve(const std::string& file, const MeshedScene& loaded, cons
 
 RanksReport report_of(const RankFormFactors& rows, const std::vector<std::string>& devices, const RanksUse& assembly,
                       const RanksUse& solve) {
-  RanksReport out{ranks().transport(), ranks().all_texts(fmt::format("{}", fmt::join(devices, ","))), {}, assembly,
-                  solve};
+  RanksReport out{
+      ranks().transport(), ranks().all_texts(fmt::format("{}", fmt::join(devices, ","))), {}, assembly, solve};
   const FormFactorMatrix& own = rows.own.matrix;
   for (const double count : ranks().all_values(static_cast<double>(own.end_row() - own.first_row()))) {
     out.rows.push_back(static_cast<std::uint32_t>(count));

@@ -65,7 +65,7 @@ class IffStore final : public PanelStore {
   [[nodiscard]] const std::vector<std::uint32_t>& saved() const { return saved_; }
 
   // For ranks that fill the file together (rank_store.h).
-  [[nodiscard]] const std::string& worked_on() const { return name_; }                    ///< FILE.partial
+  [[nodiscard]] const std::string& worked_on() const { return name_; }                ///< FILE.partial
   [[nodiscard]] const std::vector<iff::EntryBytes>& table() const { return table_; }  ///< valid or not
   /// A panel that another process has written and synced.
   void take(const iff::EntryBytes& entry) { write(entry); }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 
@@ -82,7 +83,8 @@ void finish_rows(Ranks& ranks, const std::vector<double>& area, Scaling& scaling
   make_form_factors(out.own.matrix, area, scaling);
   const std::vector<double> changes = ranks.all_values(scaling.max_change);
   scaling.max_change = *std::max_element(changes.begin(), changes.end());
-  out.nonzero_fraction = ranks.sum(out.own.matrix.nonzero_fraction());
+  const double elements = static_cast<double>(area.size()) * static_cast<double>(area.size());
+  out.nonzero_fraction = ranks.sum(std::round(out.own.matrix.nonzero_fraction() * elements)) / elements;
   out.bytes = static_cast<std::uint64_t>(ranks.sum(static_cast<double>(out.own.matrix.bytes())));
 }
 
@@ -126,11 +128,12 @@ void check_rank_memory(Ranks& ranks, std::uint32_t n, const RowShare& share, std
     const std::uint64_t needed = (share.end - share.first) * row_bytes(n) + beside;
     if (needed <= may) return;
     constexpr double mebibyte = 1 << 20;
-    throw Error(ErrorKind::limit,
-                fmt::format("{} of the {} rows of form factors need {:.1f} MiB, and a rank may use {:.1f} MiB: use more "
-                            "machines, fewer ranks on each, or a larger --divide",
-                            share.end - share.first, n, static_cast<double>(needed) / mebibyte,
-                            static_cast<double>(may) / mebibyte));
+    throw Error(
+        ErrorKind::limit,
+        fmt::format("{} of the {} rows of form factors need {:.1f} MiB, and a rank may use {:.1f} MiB: use more "
+                    "machines, fewer ranks on each, or a larger --divide",
+                    share.end - share.first, n, static_cast<double>(needed) / mebibyte,
+                    static_cast<double>(may) / mebibyte));
   });
 }
 

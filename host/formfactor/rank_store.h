@@ -22,7 +22,8 @@ namespace interflect {
 class RankStore {
  public:
   /// Errors of IffStore's constructor, as AgreedErrors.
-  RankStore(Ranks& ranks, const std::filesystem::path& file, const iff::Shape& wanted, const IffStore::Options& options);
+  RankStore(Ranks& ranks, const std::filesystem::path& file, const iff::Shape& wanted,
+            const IffStore::Options& options);
 
   [[nodiscard]] const iff::Shape& shape() const { return shape_; }
   /// The rows of each rank: whole panels.

@@ -15,7 +15,8 @@ namespace {
 /// Two devices of which these are equal give the same bits.
 std::string signature(const DeviceInfo& device, std::uint32_t columns) {
   std::string out = fmt::format("{}|{}|{}", device.backend, device.name, device.driver);
-  for (const auto& [macro, value] : launch_macros(device, "matvec", columns)) out += fmt::format("|{}={}", macro, value);
+  for (const auto& [macro, value] : launch_macros(device, "matvec", columns))
+    out += fmt::format("|{}={}", macro, value);
   return out;
 }
 
@@ -60,9 +61,8 @@ class RankProduct final : public Product {
       const float* column = whole_.data() + c * shape_.vector_stride + own.first;
       mine_.insert(mine_.end(), column, column + own.count);
     }
-    gather<float>(mine_, shape_.columns, gathered_, [&](std::size_t c) {
-      return whole_.data() + c * shape_.vector_stride;
-    });
+    gather<float>(mine_, shape_.columns, gathered_,
+                  [&](std::size_t c) { return whole_.data() + c * shape_.vector_stride; });
     device_.queue().upload(y, 0, bytes);
   }
   [[nodiscard]] std::vector<Buffer*> panel_buffers() const override { return local_->panel_buffers(); }

@@ -95,7 +95,10 @@ TEST_F(RankAssembly, DiffersWhereAGatherLosesRows) {
 
 TEST_F(RankAssembly, OpenScenesAreNotClosedByRanksEither) {
   builder_ = Builder();
-  builder_.part("floor").plate({0, 0, 0}, {3, 0, 0}, {0, 3, 0}, 6).part("wall").plate({0, 0, 0}, {0, 3, 0}, {0, 0, 2}, 5);
+  builder_.part("floor")
+      .plate({0, 0, 0}, {3, 0, 0}, {0, 3, 0}, 6)
+      .part("wall")
+      .plate({0, 0, 0}, {0, 3, 0}, {0, 0, 2}, 5);
   mesh_ = builder_.mesh();
   ThreadWorld world(3);
   const FormFactors there = by_ranks(world, 3), expected = assemble(mesh_);

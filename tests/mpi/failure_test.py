@@ -6,10 +6,10 @@ import json
 import os
 import signal
 
-from mpirun import SCENE, errors_of, main, wait_for
+from mpirun import SCENE, errors_of, main
 
-ENDLESS = ("solve", SCENE, "--patches", "500", "--device", "openmp", "--method", "jacobi", "--tol", "0",
-           "--max-iterations", "9000000")
+ENDLESS = ("solve", SCENE, "--patches", "500", "--device", "openmp", "--method", "jacobi", "--iterations",
+           "9000000")
 
 
 def fails_once(job, status, part, ranks, *arguments, **more):
@@ -62,14 +62,13 @@ def a_file_that_one_rank_cannot_use_ends_all(job):
 
 def iterating(job, name):
     """A job in the middle of its solve."""
-    log = open(job.file(name), "w+", encoding="utf-8")
-    started = job.start(3, *ENDLESS, "-o", f"{name}.npy", "--report", f"{name}.json", "--json-progress",
-                        mca=("--mca", "odls_base_sigkill_timeout", "60") if "patient" in name else ())
+    started = job.start(3, *ENDLESS, "-o", f"{name}.npy", "--report", f"{name}.json", "--json-progress")
+    log = []
     for line in started.stderr:
-        log.write(line)
+        log.append(line)
         if '"iteration"' in line and '"iteration":0' not in line:
             return started
-    raise AssertionError(f"it ended before: {job.content(name)}")
+    raise AssertionError(f"it ended before: {log}")
 
 
 def a_killed_rank_ends_the_job(job):
@@ -83,14 +82,23 @@ def a_killed_rank_ends_the_job(job):
 
 def an_interrupt_leaves_the_best_so_far(job):
     started = iterating(job, "patient")
-    started.send_signal(signal.SIGINT)
-    out, error = started.communicate(timeout=100)
-    assert started.returncode != 0, started.returncode
+    os.kill(job.ranks_of(started)[0], signal.SIGINT)
+    out, error = started.communicate(timeout=60)
+    assert started.returncode == 130, (started.returncode, error)
     assert json.loads(job.content("patient.json"))["interrupted"], (out, error)
     assert os.path.exists(job.file("patient.npy"))
+
+
+def an_interrupt_of_mpirun_ends_the_job(job):
+    """mpirun itself gives its ranks a second and then kills them; its status is its own."""
+    started = iterating(job, "ended")
+    started.send_signal(signal.SIGINT)
+    started.communicate(timeout=60)
+    assert started.returncode != 0
+    assert not [name for name in os.listdir(job.folder) if "ended" in name and not name.endswith((".npy", ".json"))]
 
 
 if __name__ == "__main__":
     main([what_all_ranks_meet_is_said_once, what_ranks_cannot_do_is_said, without_the_module_no_rank_solves_alone,
           a_rank_without_its_device_ends_all, a_file_that_one_rank_cannot_use_ends_all, a_killed_rank_ends_the_job,
-          an_interrupt_leaves_the_best_so_far])
+          an_interrupt_leaves_the_best_so_far, an_interrupt_of_mpirun_ends_the_job])

@@ -67,11 +67,11 @@ def another_number_of_ranks_goes_on_after_a_kill(job):
 
 def an_interrupt_keeps_what_is_finished(job):
     make = ("formfactors", SCENE, "--patches", "2500", "--accuracy", "high", "-o")
-    started = job.start(2, *make, "stopped.iff", mca=("--mca", "odls_base_sigkill_timeout", "60"), **PANELS)
+    started = job.start(2, *make, "stopped.iff", **PANELS)
     wait_for(lambda: finished_panels(job, "stopped.iff.partial") > 0 or started.poll() is not None, "a finished panel")
-    started.send_signal(signal.SIGINT)
-    _, error = started.communicate(timeout=100)
-    assert started.returncode != 0 and error.count("panels are kept in") == 1, error
+    os.kill(job.ranks_of(started)[0], signal.SIGINT)
+    _, error = started.communicate(timeout=60)
+    assert started.returncode == 130 and error.count("panels are kept in") == 1, error
     assert 0 < finished_panels(job, "stopped.iff.partial")
 
 

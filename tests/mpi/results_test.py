@@ -6,11 +6,11 @@ import json
 
 from mpirun import SCENE, errors_of, floats, main
 
-SOLVE = ("solve", SCENE, "--patches", "500", "--device", "openmp", "--quiet")
+SOLVE = ("solve", SCENE, "--patches", "500", "--quiet")
 
 
-def solved(job, ranks, name, *more):
-    done = job.run(ranks, *SOLVE, "-o", f"{name}.npy", "-o", f"{name}.csv", "--report", f"{name}.json", *more)
+def solved(job, ranks, name, *more, device="openmp"):
+    done = job.run(ranks, *SOLVE, "--device", device, "-o", f"{name}.npy", "-o", f"{name}.csv", "--report", f"{name}.json", *more)
     assert done.returncode == 0, (ranks, done)
     return json.loads(job.content(f"{name}.json"))
 
@@ -55,7 +55,7 @@ def ranks_with_different_devices_never_part(job):
         print("not run: there is no opencl:0")
         return
     for name in ("mixed", "again"):
-        report = solved(job, 3, name, "--device", "openmp,opencl:0", "--assembly", "host")
+        report = solved(job, 3, name, "--assembly", "host", device="openmp,opencl:0")
         assert report["ranks"]["devices"] == ["openmp", "opencl:0", "openmp"], report["ranks"]
     assert job.content("mixed.npy") == job.content("again.npy")
     one, mixed = floats(job.content("one.npy")), floats(job.content("mixed.npy"))
