@@ -28,7 +28,7 @@ packages=(
   clang-14 clang-format-14 clang-tidy-14 libomp-14-dev libclang-rt-14-dev llvm-14
   python3 iproute2
   # programs that no one here wrote, with which tests open what we write
-  assimp-utils openexr blender python3-numpy
+  assimp-utils openexr blender python3-numpy ffmpeg
   # a browser that opens the page
   chromium chromium-driver
   # the documentation as a site

@@ -174,10 +174,15 @@ class Keys {
           length(g.key.camera.eye - before.key.camera.eye) + length(g.key.camera.target - before.key.camera.target);
       if (!(way > 0)) throw fail(g.where, "the same eye and target as before, and no times to tell them apart");
       g.key.time = before.key.time + std::sqrt(way);
+      if (!std::isfinite(g.key.time)) throw fail(g.where, "too far from the key before");
     }
     if (timed || given_.size() == 1) return;
     const double all = given_.back().key.time;
-    for (Given& g : given_) g.key.time /= all;
+    for (std::size_t k = 0; k < given_.size(); ++k) {
+      given_[k].key.time /= all;
+      if (k == 0 || given_[k].key.time > given_[k - 1].key.time) continue;
+      throw fail(given_[k].where, "too close to the key before for so long a way, and no times to tell them apart");
+    }
   }
 
   void check(const Given& g) const {

@@ -52,6 +52,12 @@ std::string frame_name(const std::string& pattern, std::uint64_t k) {
   return expand(pattern, k, numbers);
 }
 
+std::string as_pattern(const std::string& text) {
+  std::string out;
+  for (const char c : text) out += c == '%' ? "%%" : std::string(1, c);
+  return out;
+}
+
 void check_frame_names(const std::vector<std::string>& patterns, bool several) {
   for (const std::string& pattern : patterns) {
     const auto refuse = [&](const std::string& cause) {

@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 
 #include "interflect/solver/bounces.h"
 
@@ -94,8 +95,8 @@ std::vector<GroupResidual> group_residuals(const PatchMesh& mesh, const LightGro
 std::vector<double> worst_of_groups(const std::vector<double>& relative_residual) {
   std::vector<double> worst(std::min(channels, relative_residual.size()));
   for (std::size_t k = 0; k < relative_residual.size(); ++k) {
-    // Written so that what is no number stays.
-    if (!(relative_residual[k] <= worst[k % channels])) worst[k % channels] = relative_residual[k];
+    double& so_far = worst[k % channels];  // what is no number is the worst, and stays
+    if (!std::isnan(so_far) && !(relative_residual[k] <= so_far)) so_far = relative_residual[k];
   }
   return worst;
 }

@@ -1,3 +1,4 @@
+#include <fcntl.h>
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -32,6 +33,15 @@ int usage(const CLI::App& program, const CLI::ParseError& error) {
   return fail(ErrorKind::usage, fmt::format("{} (see '{} --help')", message, command));
 }
 
+/// Where the caller has closed stdin, stdout or stderr, the next file that is opened would get its number, and what is
+/// printed would go into that file. A stdout like that is an error when something is printed; a stderr is not.
+void open_standard_streams() {
+  for (int stream = 0; stream <= 2; ++stream) {
+    if (::fcntl(stream, F_GETFD) != -1) continue;
+    (void)::open("/dev/null", stream == 2 ? O_WRONLY : O_RDONLY);  // takes the lowest free number
+  }
+}
+
 int run(int argc, char** argv) {
   CLI::App program("Radiosity on whatever computes: a scene in, its light out.", "interflect");
   program.set_version_flag("--version", std::string("interflect ") + INTERFLECT_VERSION);
@@ -63,6 +73,7 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  open_standard_streams();
   try {
     return run(argc, argv);
   } catch (const interflect::AgreedError& error) {

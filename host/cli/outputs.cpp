@@ -37,4 +37,13 @@ void check_files(const std::vector<std::string>& files, const std::string& scene
   }
 }
 
+void check_inputs_stay(const std::vector<std::string>& outputs, const std::vector<std::filesystem::path>& inputs) {
+  for (const std::string& output : outputs) {
+    for (const std::filesystem::path& input : inputs) {
+      if (!same_file(output, input.string())) continue;
+      throw Error(ErrorKind::usage, fmt::format("{} belongs to the scene: an output would destroy it", output));
+    }
+  }
+}
+
 }  // namespace interflect::cli

@@ -33,6 +33,7 @@ PageOptions page_options(const SolveSummary& summary) {
   PageOptions options;
   options.title = loaded.scene.name;
   options.camera = loaded.scene.camera;
+  options.complete = report.converged;
   for (const Material& material : loaded.scene.materials) options.materials.push_back(material.name);
   const auto add = [&](const char* name, std::string value) { options.statistics.push_back({name, std::move(value)}); };
   add("Triangles", fmt::format("{}", loaded.scene.triangles.size()));

@@ -162,6 +162,20 @@ PackedMatrix pack(const FormFactorMatrix& matrix, const PatchMesh& mesh, Storage
   return {matrix, mesh.area, storage, std::move(options)};
 }
 
+std::uint32_t columns_of_packed(const PackedMatrix& packed, const DeviceInfo& device, std::size_t columns) {
+  constexpr std::uint32_t channels = 3;
+  std::uint32_t at_once = columns_at_once(columns);
+  if (packed.storage() != Storage::sym16) return at_once;
+  const std::uint64_t of_a_column =
+      std::uint64_t{packed.block_rows()} * packed.block_rows() * packed.block() * sizeof(float);
+  const auto too_large = [&](std::uint64_t bytes) {
+    return (device.max_buffer_bytes != 0 && bytes > device.max_buffer_bytes) ||
+           (device.memory_bytes != 0 && bytes > device.memory_bytes / 4);
+  };
+  while (at_once > channels && too_large(at_once * of_a_column)) at_once -= channels;
+  return at_once;
+}
+
 Solved solved_of(FallbackReport done, const PatchMesh& mesh, const Lamps& lamps, const Columns& radiosity,
                  StorageUse storage) {
   LitPatches lit = lit_patches(radiosity, lamps.groups);
@@ -175,8 +189,6 @@ Solved solved_of(FallbackReport done, const PatchMesh& mesh, const Lamps& lamps,
 }
 
 namespace {
-
-constexpr std::uint32_t channels = 3;
 
 using Bounces = std::vector<std::vector<std::vector<Rgb>>>;
 
@@ -193,20 +205,6 @@ Solved solve_dense(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candid
       solved_of(std::move(done), mesh, lamps, radiosity, {Storage::dense32, matrix.bytes(), matrix.nonzero_fraction()});
   solved.bounces = std::move(bounces);
   return solved;
-}
-
-/// Columns for one pass over the matrix: fewer where sym16's partial sums of all of them are too large for the device.
-std::uint32_t columns_of_packed(const PackedMatrix& packed, const DeviceInfo& device, std::size_t columns) {
-  std::uint32_t at_once = columns_at_once(columns);
-  if (packed.storage() != Storage::sym16) return at_once;
-  const std::uint64_t of_a_column =
-      std::uint64_t{packed.block_rows()} * packed.block_rows() * packed.block() * sizeof(float);
-  const auto too_large = [&](std::uint64_t bytes) {
-    return (device.max_buffer_bytes != 0 && bytes > device.max_buffer_bytes) ||
-           (device.memory_bytes != 0 && bytes > device.memory_bytes / 4);
-  };
-  while (at_once > channels && too_large(at_once * of_a_column)) at_once -= channels;
-  return at_once;
 }
 
 Solved solve_packed(const FormFactorMatrix& matrix, const PatchMesh& mesh, Candidates& candidates, Storage storage,

@@ -110,6 +110,10 @@ struct Solved {
 /// Of the columns of all groups.
 [[nodiscard]] Solved solved_of(FallbackReport done, const PatchMesh& mesh, const Lamps& lamps, const Columns& radiosity,
                                StorageUse storage);
+/// Columns for one pass over the matrix: columns_at_once(), or fewer where sym16's partial sums of all of them are too
+/// large for the device. BatchedSolve takes the rest in further passes.
+[[nodiscard]] std::uint32_t columns_of_packed(const PackedMatrix& packed, const DeviceInfo& device,
+                                              std::size_t columns);
 /// On the first candidate, and on the next ones when it fails, with F in the storage format, or, without one, in that
 /// of choose_storage(). A 16-bit format whose rounding moves a radiosity by more than largest_rounding_error is refused
 /// with a warning, and dense32 takes its place. All light groups of `lamps` are columns of the same products.

@@ -75,6 +75,7 @@ std::unique_ptr<Lit> look_into(const Options& options, Console& console) {
   lit.loaded = load(scene, console);
   lit.camera = lit.loaded.scene.camera;
   lit.inputs = lit.loaded.scene.files;
+  if (!options.film()) check_inputs_stay(options.outputs, lit.inputs);  // a film's names are known with its cameras
   const PlacedSolve placed = solve_loaded(lit.loaded, scene, options.solving, candidates, console);
   lit.solved = placed.solved.report;
   lit.solution = solution_of(lit.loaded, placed);
@@ -187,7 +188,7 @@ Took make_frames(const Options& options, const Renderer& renderer, PictureOption
 void check(Options& options) {
   if (options.outputs.empty()) {
     const std::string stem = std::filesystem::path(options.scene.file).stem().string();
-    options.outputs = {options.film() ? stem + "-%04d.png" : stem + ".png"};
+    options.outputs = {options.film() ? as_pattern(stem) + "-%04d.png" : stem + ".png"};
   }
   if (!options.film() && (options.frames || options.first > 0)) {
     throw Error(ErrorKind::usage, "--frames and --first are for films: --path FILE or --orbit");
@@ -200,6 +201,9 @@ void check(Options& options) {
                   fmt::format("-o {}: '{}' is not a picture (.png, .exr)", output, extension_of(output)));
     }
     files.push_back(options.film() ? frame_name(output, options.first) : output);
+    const std::string& kept = options.solving.form_factors;
+    if (kept.empty() || !same_file(files.back(), kept)) continue;
+    throw Error(ErrorKind::usage, fmt::format("{} is the file of form factors: an output would destroy it", output));
   }
   check_files(files, options.scene.file);
   check_picture(options.picture, true);
@@ -230,11 +234,7 @@ int run(Options options) {
     throw Error(ErrorKind::usage,
                 fmt::format("--first {}: the film has {} frames, from 0 on", options.first, cameras.size()));
   }
-  if (options.film()) {
-    check_frames_spare(options.outputs, options.first, cameras.size(), lit.inputs);
-  } else {
-    check_files(options.outputs, options.scene.file);
-  }
+  if (options.film()) check_frames_spare(options.outputs, options.first, cameras.size(), lit.inputs);
   console.be_patient("the frame in hand is finished");
   const std::string exposed = picture.exposure ? "as asked"
                               : options.film() ? "automatic, one for all frames"

@@ -161,7 +161,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["method"] = std::string(name(summary.method));
   out["tolerance"] = summary.stop.tolerance;
   out["converged"] = report.converged;
-  if (!report.converged) out["reason"] = report.reason;
+  if (!report.reason.empty()) out["reason"] = report.reason;
   out["interrupted"] = report.interrupted;
   out["iterations"] = report.iterations;
   out["products"] = report.products;

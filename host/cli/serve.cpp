@@ -75,7 +75,8 @@ serve::Placement placement_of(FormFactorSource& source, const PatchMesh& mesh, c
                                                 name(format)));
     }
     tune_on_first_use(*device, format, n, progress);
-    const std::uint32_t block = sym16_block(device->info(), n);
+    const DeviceInfo info = device->info();
+    const std::uint32_t block = sym16_block(info, n);
     std::vector<std::unique_ptr<Device>> devices;
     devices.push_back(std::move(device));
     serve::PlacedFormFactors placed;
@@ -86,7 +87,8 @@ serve::Placement placement_of(FormFactorSource& source, const PatchMesh& mesh, c
     } else {
       auto& packed = source.packed[{format, block}];
       if (!packed) packed = std::make_shared<const PackedMatrix>(pack(source.factors.matrix, mesh, format, block));
-      placed.scheduler = std::make_unique<Scheduler>(*packed, std::move(devices), columns);
+      placed.scheduler =
+          std::make_unique<Scheduler>(*packed, std::move(devices), columns_of_packed(*packed, info, columns));
       placed.matrix = packed;
     }
     return placed;

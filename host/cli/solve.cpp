@@ -76,17 +76,11 @@ void check_outputs(const Options& options) {
   }
 }
 
-/// What the scene is made of (materials, textures, buffers) is known once it is read.
-void check_inputs_stay(const Options& options, const Scene& scene) {
+void check_scene_stays(const Options& options, const Scene& scene) {
   std::vector<std::string> outputs = result_files(options);
   if (!options.report.empty()) outputs.push_back(options.report);
   if (!options.solving.form_factors.empty()) outputs.push_back(options.solving.form_factors);
-  for (const std::string& output : outputs) {
-    for (const std::filesystem::path& input : scene.files) {
-      if (!same_file(output, input.string())) continue;
-      throw Error(ErrorKind::usage, fmt::format("{} belongs to the scene: an output would destroy it", output));
-    }
-  }
+  check_inputs_stay(outputs, scene.files);
 }
 
 void write_outputs(const Options& options, const SolveSummary& summary, const PlacedSolve& placed,
@@ -166,7 +160,7 @@ int run(Options options) {
       together([&] { return with_the_files_divide(options.scene, options.solving.form_factors); });
   const MeshedScene loaded = together([&] {
     MeshedScene scene = load(as_kept, console);
-    check_inputs_stay(options, scene.scene);
+    check_scene_stays(options, scene.scene);
     return scene;
   });
   Lamps lamps{light_groups(loaded.scene, loaded.mesh, options.light_groups)};

@@ -129,4 +129,15 @@ std::uint8_t Cut::corners_at(double u, double v) const {
   return all_corners;
 }
 
+std::array<double, 3> Cut::shares(std::array<double, 3> at) const {
+  const std::uint8_t corners = corners_at(at[1], at[2]);
+  double sum = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    at[k] = (corners >> k & 1U) != 0 ? std::max(at[k], 1e-6) : 0;
+    sum += at[k];
+  }
+  for (double& s : at) s /= sum;
+  return at;
+}
+
 }  // namespace interflect

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -59,14 +60,20 @@ class Welder {
 
 class Reader {
  public:
-  explicit Reader(const gltf::Document& document) : document_(document), weld_(lit_.mesh.vertices) {}
+  explicit Reader(const gltf::Document& document) : document_(document), weld_(lit_.mesh.vertices) {
+    constexpr std::uint64_t generous = 16, most = std::numeric_limits<std::uint32_t>::max();
+    for (const auto& buffer : document.model.buffers) left_ += buffer.data.size();
+    left_ = std::min(generous * left_, most);
+  }
 
   [[nodiscard]] LitMesh read() {
     check_nodes();
     for (const auto& mesh : document_.model.meshes) {
       for (const auto& primitive : mesh.primitives) read_primitive(mesh.name, primitive);
     }
-    if (lit_.mesh.size() == 0) throw fail("holds no patches");
+    const std::vector<double>& area = lit_.mesh.area;
+    if (area.empty()) throw fail("holds no patches");
+    if (std::none_of(area.begin(), area.end(), [](double a) { return a > 0; })) throw fail("no patch has an area");
     const Continues continues(lit_.mesh, smooth_crease);
     lit_.smooth.walls = Walls(lit_.mesh, continues);
     return std::move(lit_);
@@ -75,6 +82,15 @@ class Reader {
  private:
   [[nodiscard]] Error fail(std::string_view cause) const {
     return input_error(document_.file, 0, fmt::format("solved GLB: {}", cause));
+  }
+
+  /// Every number takes a byte at least, and the writer shares none: a file that asks for far more than it holds would
+  /// take any memory and time.
+  void take(const std::string& mesh, std::size_t elements, std::uint64_t bytes_of_each) {
+    if (elements > left_ / bytes_of_each) {
+      throw fail(fmt::format("mesh '{}': more values than the file has bytes for", mesh));
+    }
+    left_ -= elements * bytes_of_each;
   }
 
   void check_nodes() const {
@@ -86,12 +102,13 @@ class Reader {
 
   /// An attribute with a value per vertex, finite; not negative where it is light.
   [[nodiscard]] gltf::Accessor attribute(const std::string& mesh, const tinygltf::Primitive& primitive,
-                                         const std::string& name, bool light) const {
+                                         const std::string& name, bool light) {
     const auto found = primitive.attributes.find(name);
     if (found == primitive.attributes.end()) {
       throw fail(fmt::format("mesh '{}': the attribute {} is missing: solve the scene again", mesh, name));
     }
     gltf::Accessor values(document_, found->second, TINYGLTF_TYPE_VEC3);
+    take(mesh, values.count(), 3);
     for (std::size_t i = 0; i < values.count(); ++i) {
       const Vec3 v = values.vec3(i);
       if (finite(v) && !(light && (v.x < 0 || v.y < 0 || v.z < 0))) continue;
@@ -121,6 +138,7 @@ class Reader {
     const std::vector<Rgb> emittance = read_emittance(name, primitive, position.count());
     const gltf::Accessor indices(document_, primitive.indices, TINYGLTF_TYPE_SCALAR);
     if (!indices.is_index() || indices.count() % 3 != 0) throw fail(fmt::format("mesh '{}': damaged indices", name));
+    take(name, indices.count(), 1);
     const auto surface = static_cast<std::uint32_t>(lit_.mesh.surfaces.size());
     lit_.mesh.surfaces.push_back({name, name, surface});
     for (std::size_t k = 0; k < indices.count(); k += 3) {
@@ -136,7 +154,7 @@ class Reader {
   }
 
   [[nodiscard]] std::vector<Rgb> read_emittance(const std::string& name, const tinygltf::Primitive& primitive,
-                                                std::size_t count) const {
+                                                std::size_t count) {
     std::vector<Rgb> emittance(count);
     if (!primitive.attributes.contains(emittance_name)) return emittance;
     const gltf::Accessor values = attribute(name, primitive, emittance_name, true);
@@ -172,6 +190,7 @@ class Reader {
   const gltf::Document& document_;
   LitMesh lit_;
   Welder weld_;
+  std::uint64_t left_ = 0;  ///< see take()
 };
 
 }  // namespace

@@ -19,6 +19,7 @@ struct PageOptions {
   std::vector<std::string> materials;  ///< names by Surface::material; may be shorter: then there is no name to show
   std::optional<Camera> camera;        ///< none: frame_scene()
   std::vector<std::array<std::string, 2>> statistics;  ///< lines of name and value
+  bool complete = true;                                ///< all bounces are in the solution, so that the page may say so
   bool served = false;                                 ///< it may talk to the server that it came from, to no other
   /// The bounce series is left out of a page where it would take more bytes than this.
   std::uint64_t largest_bounces = std::uint64_t{128} << 20;
@@ -30,7 +31,7 @@ struct PageOptions {
 /// without groups is one lamp.
 ///   Numbers: positions relative to the middle of the mesh, ρ, E, areas, row sums and lit are single precision. The
 /// bounce series is half precision in units of its largest value m: each radiosity is within max(2^-11 of itself,
-/// 2^-25 m) of what it was. Radiosities that are not finite stay so, and show black.
+/// 2^-25 m) of what it was. Radiosities that are not finite become NaN, and show black.
 ///   Names are text, whatever they hold: bytes that are not UTF-8 become U+FFFD.
 /// Throws an internal Error for a solution whose parts do not fit together, a limit Error for a page above 1 GiB, which
 /// no browser opens.

@@ -73,7 +73,8 @@ class ChartBaker {
         pixels_(pixels),
         distance_(std::size_t{place_.width} * place_.height, std::numeric_limits<float>::max()) {}
 
-  void add(const Triangle2& corners, const std::array<Rgb, 3>& values) {
+  /// `cut`: where walls stand on the patch, or null.
+  void add(const Triangle2& corners, const std::array<Rgb, 3>& values, const Cut* cut) {
     const Flat flat(corners);
     const double reach = atlas_.padding + 1.0;
     const auto [left, right] = texels(corners[0].x, corners[1].x, corners[2].x, reach, place_.x, place_.width);
@@ -86,6 +87,7 @@ class ChartBaker {
         const double distance = flat.nearest({x + 0.5, y + 0.5}, weights);
         if (static_cast<float>(distance) >= best) continue;
         best = static_cast<float>(distance);
+        if (cut != nullptr) weights = cut->shares(weights);
         float* const pixel = pixels_.data() + 3 * (std::size_t{y} * atlas_.size + x);
         for (std::size_t c = 0; c < 3; ++c) {
           pixel[c] = finite_float(weights[0] * values[0][c] + weights[1] * values[1][c] + weights[2] * values[2][c]);
@@ -142,7 +144,8 @@ std::vector<float> bake_texels(const PatchMesh& mesh, const SmoothMesh& smooth, 
     ChartBaker baker(atlas, chart, pixels);
     for (const std::uint32_t i : atlas.charts.list[chart].patches) {
       const auto& corners = smooth.corners[i];
-      baker.add(atlas.texels(mesh, i), {values[corners[0]], values[corners[1]], values[corners[2]]});
+      baker.add(atlas.texels(mesh, i), {values[corners[0]], values[corners[1]], values[corners[2]]},
+                smooth.walls.cut(i));
     }
   }
   return pixels;

@@ -17,7 +17,8 @@ struct Lightmap {
   double scale = 1;           ///< color_scale(): what the images for screens multiply the radiosity by
 };
 
-/// The radiosity, interpolated over each patch from its corners, at each texel's centre that is in a chart; at a
+/// The radiosity, interpolated over each patch from its corners (of a patch under a wall from those on the texel's side
+/// of it), at each texel's centre that is in a chart; at a
 /// texel's centre outside, up to padding + 1 texels away in both directions, that of the chart's nearest point; 0
 /// elsewhere. O(texels + patches * (padding + 1)²). The same bits whatever the threads.
 [[nodiscard]] Lightmap bake_lightmap(const Solution& solution, Atlas atlas);

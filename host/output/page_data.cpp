@@ -37,7 +37,7 @@ class Sections {
     std::vector<float> out;
     out.reserve(3 * values.size());
     for (const Rgb& v : values) {
-      for (const double c : v) out.push_back(finite_float(c));
+      for (const double c : v) out.push_back(std::isfinite(c) ? finite_float(c) : std::nanf(""));
     }
     return out;
   }
@@ -183,6 +183,7 @@ PageData page_data(const Solution& solution, const PageOptions& options) {
   description["lamps"] = solution.lights.names.empty() ? Json{"All lamps"} : Json(solution.lights.names);
   description["bounces"] = 0;
   description["statistics"] = options.statistics;
+  if (!options.complete) description["incomplete"] = true;
   if (options.served) description["served"] = true;
   Sections sections;
   add_mesh(sections, mesh, origin);

@@ -51,14 +51,9 @@ Painter::Sample Painter::shade(const Sight::Seen& seen) const {
   const auto& s = smooth_.corners[seen.patch];
   std::array<float, 3> weight{1 - seen.u - seen.v, seen.u, seen.v};
   if (const Cut* cut = smooth_.walls.cut(seen.patch)) {
-    // Only the corners on this side of the wall, in the same proportions.
-    const std::uint8_t corners = cut->corners_at(static_cast<double>(seen.u), static_cast<double>(seen.v));
-    float sum = 0;
-    for (std::size_t k = 0; k < 3; ++k) {
-      weight[k] = (corners >> k & 1U) != 0 ? std::max(weight[k], 1e-6F) : 0;
-      sum += weight[k];
-    }
-    for (float& w : weight) w /= sum;
+    const auto shares =
+        cut->shares({static_cast<double>(weight[0]), static_cast<double>(seen.u), static_cast<double>(seen.v)});
+    for (std::size_t k = 0; k < 3; ++k) weight[k] = static_cast<float>(shares[k]);
   }
   // From one of them on, so that where all are equal the value is exactly theirs.
   const std::size_t base = weight[0] > 0 ? 0 : weight[1] > 0 ? 1 : 2, next = (base + 1) % 3, last = (base + 2) % 3;

@@ -23,6 +23,9 @@ struct Cut {
 
   /// The corners (bits) of the part in which (u, v) lies; all of them where that part has none.
   [[nodiscard]] std::uint8_t corners_at(double u, double v) const;
+  /// The shares of the corners at the point that they make together: only those on its own side of the walls, in the
+  /// same proportions; they add up to 1.
+  [[nodiscard]] std::array<double, 3> shares(std::array<double, 3> at) const;
 };
 
 /// Where surfaces stand on the fronts of patches, whether they share vertices with them or not. A surface stands on a

@@ -120,9 +120,16 @@ void Scheduler::use_columns(std::uint32_t columns) {
   if (columns == 0 || columns > most_columns_) {
     throw Error(ErrorKind::internal, fmt::format("{} columns: 1 to {} were placed", columns, most_columns_));
   }
-  if (columns == arguments_.columns) return;
+  const std::uint32_t before = arguments_.columns;
+  if (columns == before) return;
   shape(columns);
-  product_->use(arguments_, groups_);
+  try {
+    product_->use(arguments_, groups_);
+  } catch (...) {
+    shape(before);  // or the next call would take the kernel for compiled
+    product_->use(arguments_, groups_);
+    throw;
+  }
 }
 
 void Scheduler::check_memory() const {

@@ -98,7 +98,8 @@ SolveRequest read_solve_request(std::string_view body, const LiveScene& scene, d
     if (key == "client") {
       request.client = text_of(value, "client", longest_client);
     } else if (key == "tolerance") {
-      request.change.tolerance = number_of(value, smallest_tolerance, largest_tolerance, "tolerance");
+      request.change.tolerance =
+          number_of(value, std::min(smallest_tolerance, tolerance), largest_tolerance, "tolerance");
     } else if (key == "reflectance") {
       request.change.reflectance = colours_of(value, "reflectance", scene, 1);
     } else if (key == "emittance") {

@@ -16,7 +16,8 @@ struct SolveRequest {
 /// Reads {"client": NAME, "tolerance": T, "reflectance": {MATERIAL: [R, G, B], ...}, "emittance": {MATERIAL: [R, G, B],
 /// ...}}, every part of which may be missing. Throws an input Error, one line that says what is wrong: no JSON, an
 /// unknown or repeated key, an unknown material, a reflectance outside [0, 1], an emittance that is negative, above
-/// 1e9, or of a material that does not emit, a tolerance outside [1e-7, 0.1].
+/// 1e9, or of a material that does not emit, a tolerance outside [1e-7, 0.1] (`tolerance`, which is
+/// asked for where the body names none, may be smaller, and may be named).
 [[nodiscard]] SolveRequest read_solve_request(std::string_view body, const LiveScene& scene, double tolerance);
 
 /// Reads {"device": ID}. Throws likewise.

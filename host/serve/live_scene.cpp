@@ -5,17 +5,13 @@
 #include <algorithm>
 #include <set>
 
+#include "interflect/output/bytes.h"
+
 namespace interflect::serve {
 
 namespace {
 
 constexpr std::size_t channels = 3;
-
-std::string one_line(std::string name) {
-  std::replace_if(
-      name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
-  return name;
-}
 
 bool emits(const Rgb& emittance) {
   return std::any_of(emittance.begin(), emittance.end(), [](double e) { return e != 0; });
@@ -39,7 +35,8 @@ LiveScene::LiveScene(const PatchMesh& mesh, LightGroups groups, const std::vecto
     if (added) {
       LiveMaterial& made = materials_.emplace_back();
       const bool named = material < material_names.size() && !material_names[material].empty();
-      const std::string name = named ? one_line(material_names[material]) : fmt::format("material {}", material + 1);
+      const std::string name =
+          named ? printable_name(material_names[material]) : fmt::format("material {}", material + 1);
       made.name = name;
       for (int k = 2; !taken.insert(made.name).second; ++k) made.name = fmt::format("{} ({})", name, k);
     }

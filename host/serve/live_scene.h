@@ -19,7 +19,7 @@ struct Change {
 
 /// A material that patches are made of.
 struct LiveMaterial {
-  std::string name;                     ///< unique, never empty, on one line
+  std::string name;                     ///< unique, never empty, UTF-8 on one line: clients name it in JSON
   std::vector<std::uint32_t> surfaces;  ///< of PatchMesh::surfaces
   std::uint64_t patches = 0;
   double area = 0;

@@ -65,16 +65,16 @@ void LiveSolver::use_first() {
   }
 }
 
-PlacedFormFactors LiveSolver::placed_on(const std::string& id, bool dense32, std::string& name) const {
+PlacedFormFactors LiveSolver::placed_on(const std::string& id, bool dense32, DeviceInfo& info) const {
   std::unique_ptr<Device> device = placement_.open(id);
-  name = device->info().name;
+  info = device->info();
   const auto columns = static_cast<std::uint32_t>(3 * scene_.lamps());
   return placement_.place(std::move(device), columns_at_once(columns), dense32);
 }
 
 void LiveSolver::use_device(const std::string& id) {
-  std::string name;
-  PlacedFormFactors placed = placed_on(id, false, name);
+  DeviceInfo info;
+  PlacedFormFactors placed = placed_on(id, false, info);
   Change probe = change_;
   // What b is off by would count as rounding: as far as solve goes by default.
   if (placed.scheduler->storage() != Storage::dense32) probe.tolerance = std::min(probe.tolerance, 1e-6);
@@ -86,12 +86,12 @@ void LiveSolver::use_device(const std::string& id) {
                     "largest, {:.0e} is allowed; dense32 is used",
                     interflect::name(placed.scheduler->storage()), id, *rounding, largest_live_rounding));
     rounding.reset();
-    placed = placed_on(id, true, name);
+    placed = placed_on(id, true, info);
     solution = solve_with(*placed.scheduler, change_, false);
   }
   std::swap(placed_, placed);  // the old one goes when all has gone well
-  device_ = id;
-  device_name_ = name;
+  device_ = info.id;           // `id` may be "auto"
+  device_name_ = info.name;
   rounding_ = solution.rounding_error = rounding;
   last_ = std::move(solution);
 }

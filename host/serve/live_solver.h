@@ -65,14 +65,14 @@ class LiveSolver {
 
   /// From now on on this device: F is placed there and the last change solved on it from 0, so that it has shown what
   /// it can. When that fails its Error is thrown, and everything is as before. In a 16-bit format whose rounding moves
-  /// a radiosity by more than largest_rounding_error F is placed again, in dense32.
+  /// a radiosity by more than largest_live_rounding F is placed again, in dense32.
   void use_device(const std::string& id);
   [[nodiscard]] const std::string& device() const { return device_; }
   [[nodiscard]] const std::string& device_name() const { return device_name_; }
 
  private:
   void use_first();
-  [[nodiscard]] PlacedFormFactors placed_on(const std::string& id, bool dense32, std::string& name) const;
+  [[nodiscard]] PlacedFormFactors placed_on(const std::string& id, bool dense32, DeviceInfo& info) const;
   [[nodiscard]] LiveSolution solve_with(Scheduler& scheduler, const Change& change, bool warm);
   [[nodiscard]] Columns guess(const Columns& reflectance, const Columns& emittance) const;
   [[nodiscard]] std::optional<double> rounding_of(Scheduler& scheduler, const LiveSolution& solution) const;

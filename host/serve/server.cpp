@@ -132,7 +132,8 @@ class Session : public std::enable_shared_from_this<Session<State>> {
  private:
   void on_header(error_code error) {
     if (busy_) return send(refusal(503, "too many connections"));
-    if (error) return unread_request(error);
+    // Late without an error: the deadline came when this was on its way here, and nothing would end what follows.
+    if (error || late_) return unread_request(error);
     const auto& message = parser_.get();
     const auto field = [&](beast::string_view name) { return text(message[name]); };
     request_ = {text(message.method_string()),
@@ -223,6 +224,8 @@ Server::State::State(const std::string& host, std::uint16_t port, Handler handle
     if (!error) return;
     throw Error(ErrorKind::usage, fmt::format("cannot listen on {}:{}: {}", host, port, error.message()));
   };
+  // To a resolver that would be every address of the machine.
+  if (host.empty()) throw Error(ErrorKind::usage, "cannot listen: no address is given");
   error_code error;
   tcp::resolver resolver(context);
   const auto found = resolver.resolve(host, std::to_string(port), tcp::resolver::passive, error);

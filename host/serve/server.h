@@ -34,7 +34,7 @@ struct Handler {
 /// client that is too slow with 408.
 class Server {
  public:
-  /// Listens; port 0 is any free one. Throws a usage Error when that cannot be.
+  /// Listens; port 0 is any free one. Throws a usage Error when that cannot be, and for an empty host.
   Server(const std::string& host, std::uint16_t port, Handler handler, const ServerLimits& limits = {});
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;

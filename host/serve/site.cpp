@@ -52,8 +52,13 @@ Json said_of(const LiveSolution& solution) {
           {"notice", solution.notice}};
 }
 
+/// The case of letters, blanks and parameters do not matter in a type (RFC 9110).
 bool is_json(const std::string& type) {
-  return type.substr(0, type.find(';')) == "application/json";
+  constexpr std::string_view wanted = "application/json";
+  std::string_view bare = std::string_view(type).substr(0, type.find(';'));
+  while (bare.ends_with(' ') || bare.ends_with('\t')) bare.remove_suffix(1);
+  return std::equal(bare.begin(), bare.end(), wanted.begin(), wanted.end(),
+                    [](char a, char b) { return (a >= 'A' && a <= 'Z' ? a - 'A' + 'a' : a) == b; });
 }
 
 }  // namespace

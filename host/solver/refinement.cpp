@@ -67,7 +67,7 @@ void Refinement::run() {
   if (dark || (report_.converged && !stop_.iterations)) return;
   Verdict verdict = Verdict::go_on;
   if (resumed_ && budget() == 0) {
-    if (!report_.converged) say_why(verdict);
+    if (!report_.converged || report_.interrupted) say_why(verdict);
     return;
   }
   correction_ = make_correction(method_, scheduler_, problem_.reflectance(), problem_.weight());
@@ -79,7 +79,7 @@ void Refinement::run() {
     report_.converged = within_tolerance();
     if (report_.converged || report_.interrupted || verdict == Verdict::not_finite || budget() == 0) break;
   }
-  if (!report_.converged) say_why(verdict);
+  if (!report_.converged || report_.interrupted) say_why(verdict);
 }
 
 /// One single-precision solve for the residual: next = b + r + x, with r/‖r‖ as right-hand side.

@@ -32,7 +32,7 @@ struct SolveReport {
   double seconds = 0;                     ///< without what kernels took to compile or load (Scheduler::compile_seconds)
   std::uint32_t passes = 0;    ///< single-precision solves; each after the first corrects the last one's residual
   std::uint32_t restarts = 0;  ///< BiCGSTAB's after a breakdown, all columns together
-  std::string reason;          ///< one line saying why not, when not converged
+  std::string reason;          ///< one line saying why not, when not converged; how far it came, when interrupted
   bool interrupted = false;    ///< ProgressSink::interrupted() ended it, after one iteration at least
 };
 

@@ -143,14 +143,14 @@ def unit(a):
 
 
 class Lens:
-    """A camera with up = y over a window whose height is the shorter side."""
+    """A camera with up = y over a window, with its angle across the shorter side."""
 
     def __init__(self, width, height, eye=EYE, target=TARGET):
         self.width, self.height, self.eye = width, height, eye
         self.forward = unit(minus(target, eye))
         self.right = unit(cross(self.forward, (0, 1, 0)))
         self.up = cross(self.right, self.forward)
-        self.focal = height / 2 / math.tan(math.radians(FOV) / 2)
+        self.focal = min(width, height) / 2 / math.tan(math.radians(FOV) / 2)
 
     def place(self, point):
         """Pixels from the left and the top; None behind the camera."""

@@ -240,3 +240,9 @@ class Picture:
     def at(self, x, y):
         start = self.channels * x
         return tuple(self.rows[y][start:start + 3])
+
+
+def differing(first, second):
+    """How many pixels of two pictures differ."""
+    a, b = Picture(first), Picture(second)
+    return sum(a.at(x, y) != b.at(x, y) for y in range(a.height) for x in range(a.width))

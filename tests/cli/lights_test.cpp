@@ -1,4 +1,6 @@
 // solve --light-groups: the report, the same light, and what is refused.
+#include "lights.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -88,6 +90,15 @@ TEST(SolveLightGroups, AreReportedAndGiveTheSameLight) {
   EXPECT_EQ(packed.report["light_groups"].size(), 4U);
   EXPECT_LT(difference(packed.radiosity, all.radiosity), 1e-4);
   EXPECT_LT(packed.report["storage"]["rounding_error"], 1e-4);
+}
+
+TEST(SolveLightGroups, TheWorstResidualIsWhatIsNoNumber) {
+  const double none = std::nan("");
+  const auto worst = cli::worst_of_groups({none, 1e-7, 3e-7, 1e-6, none, 2e-7});
+  ASSERT_EQ(worst.size(), 3U);
+  EXPECT_TRUE(std::isnan(worst[0]));  // also where a number follows
+  EXPECT_TRUE(std::isnan(worst[1]));
+  EXPECT_EQ(worst[2], 3e-7);
 }
 
 TEST(SolveLightGroups, AWrongListIsAUsageErrorBeforeTheWork) {

@@ -137,6 +137,28 @@ TEST_F(Render, ASceneIsSolvedFirst) {
   EXPECT_THAT(folder.names(), ElementsAre("a.exr", "a.png"));
 }
 
+TEST_F(Render, ATextureOfTheSceneIsNotReplaced) {
+  ASSERT_EQ(render({"-o", folder.file("wood.png")}).status, 0);
+  const std::string wood = content_of(folder.file("wood.png"));
+  (void)folder.write("t.mtl", "newmtl floor\nKd 1 1 1\nmap_Kd wood.png\nnewmtl lamp\nKd 0 0 0\nKe 9 9 9\n");
+  const std::string scene = folder.write("t.obj",
+                                         "mtllib t.mtl\nv 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nv 0 1 0\nv 1 1 0\n"
+                                         "v 1 1 1\nv 0 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+                                         "usemtl floor\nf 4/4 3/3 2/2 1/1\nusemtl lamp\nf 5 6 7 8\n");
+  for (const char* command : {"render", "solve"}) {
+    const Outcome outcome = run_program({command, scene, "--size", "16x16", "-o", folder.file("wood.png")});
+    EXPECT_EQ(outcome.status, 2) << command;
+    EXPECT_THAT(outcome.err, HasSubstr("wood.png belongs to the scene")) << command;
+    EXPECT_TRUE(content_of(folder.file("wood.png")) == wood) << command;
+    // The twin: beside it.
+    EXPECT_EQ(run_program({command, scene, "--size", "16x16", "-o", folder.file("b.png")}).status, 0) << command;
+  }
+  const std::string kept = folder.file("kept.png");
+  const Outcome factors = run_program({"render", scene, "--form-factors", kept, "-o", kept});
+  EXPECT_EQ(factors.status, 2);
+  EXPECT_THAT(factors.err, HasSubstr("is the file of form factors"));
+}
+
 Camera camera_at(Vec3 eye) {
   return {eye, {0, 0, 0}, {0, 1, 0}, 1};
 }
@@ -172,6 +194,22 @@ TEST(CameraPathTest, WithoutTimesTheyAreCentripetal) {
   EXPECT_NEAR(length(path.at(1.0 / 3).eye - Vec3{1, 0, 5}), 0, 1e-12);  // √1 and √4
 }
 
+TEST(CameraPathTest, WithoutTimesKeysThatDistancesDoNotTellApartAreNamed) {
+  const Folder folder;
+  const auto error_of = [&](const std::string& keys) -> std::string {
+    try {
+      (void)cli::read_camera_path(folder.write("p.csv", keys), {});
+      return "read";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::input);
+      return error.what();
+    }
+  };
+  EXPECT_THAT(error_of(",0,0,0,0,0,1\n,1e200,0,0,1e200,0,1\n"), HasSubstr("line 2: too far"));
+  EXPECT_THAT(error_of(",0,0,0,0,0,1\n,1e30,0,0,1e30,0,1\n,1e30,0,0,1e30,0,1.0001\n"), HasSubstr("line 3: too close"));
+  EXPECT_EQ(error_of(",0,0,0,0,0,1\n,1e3,0,0,1e3,0,1\n,1e3,0,0,1e3,0,1.0001\n"), "read");
+}
+
 TEST(CameraPathTest, AnOrbitComesBack) {
   const Camera camera{{3, 2, 0}, {1, 1, 1}, {0, 1, 0}, 1};
   EXPECT_EQ(cli::orbit(camera, 0, 8).eye, camera.eye);
@@ -184,6 +222,7 @@ TEST(FrameNames, PutTheNumberIn) {
   EXPECT_EQ(cli::frame_name("a-%04d.png", 7), "a-0007.png");
   EXPECT_EQ(cli::frame_name("a-%d.png", 12345), "a-12345.png");
   EXPECT_EQ(cli::frame_name("100%%-%3d", 7), "100%-  7");
+  EXPECT_EQ(cli::frame_name(cli::as_pattern("50%d") + "-%d", 7), "50%d-7");
   EXPECT_THROW(cli::check_frame_names({"a-%x.png"}, true), Error);
   EXPECT_THROW(cli::check_frame_names({"a-%"}, true), Error);
   EXPECT_THROW(cli::check_frames_spare({"/tmp/%d.png"}, 0, 3, {"/tmp/2.png"}), Error);

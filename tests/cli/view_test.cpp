@@ -83,6 +83,20 @@ TEST(View, SaysInThePageThatItIsNotConverged) {
   const Outcome outcome = run_on_openmp({"view", scene_in(folder), "-o", page, "--max-iterations", "1"});
   EXPECT_EQ(outcome.status, 5);
   EXPECT_THAT(description_of(content_of(page)).at("statistics").dump(), HasSubstr("NOT CONVERGED"));
+  EXPECT_EQ(description_of(content_of(page)).at("incomplete"), true);
+}
+
+TEST(View, SaysInThePageThatBouncesAreMissing) {
+  const Folder folder;
+  const std::string page = folder.file("a.html");
+  const auto incomplete = [&](const std::string& iterations) {
+    const Outcome outcome = run_on_openmp(
+        {"view", scene_in(folder), "-o", page, "--method", "jacobi", "--iterations", iterations, "--quiet"});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return description_of(content_of(page)).contains("incomplete");
+  };
+  EXPECT_TRUE(incomplete("2"));
+  EXPECT_FALSE(incomplete("100"));  // which is all that single precision can tell
 }
 
 TEST(View, AFullDiskLeavesNothing) {

@@ -16,7 +16,7 @@ import urllib.request
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 COMMAND = re.compile(r"\s*(?:\$ )?interflect (solve|view|render|serve|formfactors|devices|check|bench|tune)\b")
-DIRECTIVE = re.compile(r"<!-- (not run|file|same as|status|until stopped)(?:: *(.*?))? *-->$")
+DIRECTIVE = re.compile(r"<!-- (not run|needs|file|same as|status|until stopped)(?:: *(.*?))? *-->$")
 FENCE = re.compile(r"```(\w*)$")
 WRITES = ("-o", "--output", "--report", "--lightmap-image", "--form-factors", "--csv", "--plot")
 LIMIT = 300  # seconds for one command
@@ -81,9 +81,21 @@ def commands(lines):
         raise Wrong(f"a command that does not end: {whole}")
 
 
+def missing(program, where):
+    """Whether a block's program is not there, which is said; an error where INTERFLECT_TEST_REQUIRE names it."""
+    if program is None or shutil.which(program):
+        return False
+    if program in os.environ.get("INTERFLECT_TEST_REQUIRE", "").split(","):
+        raise Wrong(f"{where}: {program} is required and not there")
+    print(f"{where}: skipped, {program} is not there")
+    return True
+
+
 def promised(command):
     """The files that a command must write, by its options."""
     words = shlex.split(command, comments=True)
+    if words[0] == "ffmpeg":
+        return words[-1:]
     if words[0] != "interflect":
         return []
     names = [after for word, after in zip(words, words[1:]) if word in WRITES]
@@ -187,7 +199,7 @@ def run_page(program, path):
                 agree(block.text, printed, where)
             elif block.language == "sh":
                 printed = None
-                if "not run" in block.directives:
+                if "not run" in block.directives or missing(block.directives.get("needs"), where):
                     continue
                 printed = ""
                 for command in commands(block.text):

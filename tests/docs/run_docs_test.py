@@ -5,6 +5,7 @@ import os
 import sys
 import tempfile
 import unittest
+import unittest.mock
 
 from run_docs import ROOT, Wrong, run_page, taken
 
@@ -64,6 +65,13 @@ class Pages(unittest.TestCase):
         self.fails("```text\n" + SOLVE + "\n```\n", "not run")
         self.fails(sh(SOLVE, before="<!-- not run -->\n"), "without a reason")
         self.assertEqual(0, self.page(sh(SOLVE, before="<!-- not run: needs a GPU -->\n")))
+
+    def test_a_block_that_needs_a_program(self):
+        self.assertEqual(1, self.page(sh("true", before="<!-- needs: bash -->\n")))
+        with unittest.mock.patch.dict(os.environ, {"INTERFLECT_TEST_REQUIRE": "other"}):
+            self.assertEqual(0, self.page(sh("false", before="<!-- needs: nobody-has-this -->\n")))
+        with unittest.mock.patch.dict(os.environ, {"INTERFLECT_TEST_REQUIRE": "other,nobody-has-this"}):
+            self.fails(sh("true", before="<!-- needs: nobody-has-this -->\n"), "required and not there")
 
     def test_marks_that_stand_nowhere(self):
         self.fails("<!-- file: room.obj -->\nText.\n", "before no block")

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
+#include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "interflect/base/error.h"
@@ -99,6 +100,84 @@ TEST(SolvedGlb, DamageIsNamed) {
               replace(b, "\"Interflect\"", "\"Interflecx\"");
             }),
             "not ours");
+}
+
+using Json = nlohmann::json;
+
+/// The solved file with a changed JSON chunk.
+void rewrite(std::string& bytes, const std::function<void(Json&)>& change) {
+  const auto number = [&](std::size_t at) {
+    std::uint32_t n = 0;
+    std::memcpy(&n, bytes.data() + at, 4);
+    return n;
+  };
+  const auto put = [&](std::size_t at, std::size_t n) {
+    const auto value = static_cast<std::uint32_t>(n);
+    std::memcpy(bytes.data() + at, &value, 4);
+  };
+  Json json = Json::parse(bytes.substr(20, number(12)));
+  change(json);
+  std::string text = json.dump();
+  text.append((4 - text.size() % 4) % 4, ' ');
+  bytes.replace(20, number(12), text);
+  put(8, bytes.size()), put(12, text.size());
+}
+
+TEST(SolvedGlb, AsksForNoMoreThanItHolds) {
+  const auto repeated = [](std::size_t times) {
+    return error_of([&](std::string& b) {
+      rewrite(b, [&](Json& json) {
+        Json& list = json["meshes"][0]["primitives"];
+        const Json one = list[0];
+        while (list.size() < times) list.push_back(one);
+      });
+    });
+  };
+  EXPECT_EQ(repeated(2), "read");
+  EXPECT_THAT(repeated(100000), HasSubstr("more values than the file has bytes for"));
+  // A sparse accessor needs no bytes for what it does not name.
+  EXPECT_THAT(error_of([](std::string& b) {
+                rewrite(b, [](Json& json) {
+                  const Json& primitive = json["meshes"][0]["primitives"][0];
+                  const auto view = json["accessors"][primitive["indices"].get<std::size_t>()]["bufferView"];
+                  for (const char* name : {"POSITION", "_RADIOSITY"}) {
+                    Json& accessor = json["accessors"][primitive["attributes"][name].get<std::size_t>()];
+                    accessor["sparse"] = {{"count", 1},
+                                          {"indices", {{"bufferView", view}, {"componentType", 5125}}},
+                                          {"values", {{"bufferView", accessor["bufferView"]}}}};
+                    accessor.erase("bufferView");
+                    accessor["count"] = 1'000'000'000'000;
+                  }
+                });
+              }),
+              HasSubstr("more values than the file has bytes for"));
+}
+
+TEST(SolvedGlb, MustHaveAnArea) {
+  EXPECT_THAT(error_of([](std::string& b) {
+                rewrite(b, [](Json& json) {
+                  for (const Json& mesh : json["meshes"]) {
+                    json["accessors"][mesh["primitives"][0]["indices"].get<std::size_t>()]["count"] = 3;
+                  }
+                });
+              }),
+              "read");
+  // One vertex three times.
+  EXPECT_THAT(error_of([](std::string& b) {
+                rewrite(b, [](Json& json) {
+                  for (const Json& mesh : json["meshes"]) {
+                    const Json& primitive = mesh["primitives"][0];
+                    for (const auto& attribute : primitive["attributes"]) {
+                      json["accessors"][attribute.get<std::size_t>()]["count"] = 1;
+                    }
+                    Json& indices = json["accessors"][primitive["indices"].get<std::size_t>()];
+                    indices["count"] = 3, indices["componentType"] = 5121;
+                    // The three bytes that follow the low one of the first index, which is small: zeros.
+                    indices["byteOffset"] = 1;
+                  }
+                });
+              }),
+              HasSubstr("no patch has an area"));
 }
 
 }  // namespace

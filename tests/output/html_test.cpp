@@ -190,6 +190,14 @@ TEST(Page, AllowsItselfNothingButItsOwnScripts) {
   EXPECT_THAT(page_of(room.lit.solution, served), HasSubstr("connect-src 'self';"));
 }
 
+TEST(Page, SaysWhereBouncesAreMissing) {
+  const Room room;
+  PageOptions options;
+  EXPECT_FALSE(description_of(page_of(room.lit.solution, options)).contains("incomplete"));
+  options.complete = false;
+  EXPECT_EQ(description_of(page_of(room.lit.solution, options)).at("incomplete"), true);
+}
+
 TEST(Page, HasTheLicenceOfWhatItHolds) {
   const Room room;
   EXPECT_THAT(page_of(room.lit.solution),
@@ -210,6 +218,8 @@ TEST(Page, OfASolutionWithoutGroupsHasOneLamp) {
   EXPECT_LE(bounce_excess(page, s), 0);
   const auto lit = section<float>(description, numbers_of(page), "lit.0");
   EXPECT_TRUE(std::isnan(lit[0]));
+  EXPECT_EQ(lit[1], 1.0F);
+  EXPECT_TRUE(std::isnan(lit[2]));  // not the largest number, which would be white
   for (std::size_t k = 3; k < lit.size(); ++k) EXPECT_EQ(lit[k], static_cast<float>(s.radiosity[k / 3][k % 3]));
 }
 

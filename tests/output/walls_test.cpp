@@ -6,6 +6,7 @@
 
 #include "interflect/output/cut_parts.h"
 #include "interflect/output/hanging.h"
+#include "interflect/output/lightmap.h"
 #include "interflect/output/renderer.h"
 #include "interflect/output/smooth.h"
 #include "output/rooms.h"
@@ -59,6 +60,32 @@ class FloorUnderWall {
     }
     return worst;
   }
+  /// The largest error of the floor's lightmap, over texels that are not within `near` of the wall.
+  [[nodiscard]] double lightmap_error(bool walls, double near) const {
+    const PatchMesh& mesh = lit_.mesh;
+    AtlasOptions options;
+    options.size = 256;
+    const Atlas atlas = make_atlas(mesh, options);
+    const SmoothMesh smooth = smooth_mesh(mesh, smooth_crease, walls);
+    const auto pixels = bake_texels(mesh, smooth, atlas, smooth_radiosities(smooth, mesh, lit_.solution.radiosity));
+    const auto floor = static_cast<std::uint32_t>(
+        std::find_if(mesh.normal.begin(), mesh.normal.end(), [](Vec3 n) { return n.y > 0.9; }) - mesh.normal.begin());
+    const std::uint32_t k = atlas.charts.of_patch[floor];
+    const Chart& chart = atlas.charts.list[k];
+    const Atlas::Place place = atlas.places[k];
+    double worst = 0;
+    for (std::uint32_t y = 0; y < place.height; ++y) {
+      for (std::uint32_t x = 0; x < place.width; ++x) {
+        const double across = (x + 0.5 - atlas.padding) / atlas.density,
+                     down = (y + 0.5 - atlas.padding) / atlas.density;
+        const Vec3 p = chart.origin + chart.across * across + chart.down * down;
+        if (std::abs(p.x - 1.9) < near) continue;
+        const auto b = static_cast<double>(pixels[3 * (std::size_t{place.y + y} * atlas.size + place.x + x)]);
+        worst = std::max(worst, std::abs(b - exact(p)));
+      }
+    }
+    return worst;
+  }
   [[nodiscard]] const PatchMesh& mesh() const { return lit_.mesh; }
 
  private:
@@ -83,6 +110,15 @@ TEST(Walls, LightDoesNotLeakUnderAWallThatCutsThePatches) {
     const double near = thick == 0 ? 0.03 : 0.1;  // the wall itself, its top seen in perspective
     EXPECT_LT(room.error(true, near), 1e-5) << thick;
     EXPECT_GT(room.error(false, near), 0.2) << thick;  // without the mask
+  }
+}
+
+TEST(Walls, NorDoesItInALightmap) {
+  for (const double thick : {0.0, 0.1}) {
+    const FloorUnderWall room(thick);
+    const double near = thick / 2 + 0.01;
+    EXPECT_LT(room.lightmap_error(true, near), 1e-5) << thick;
+    EXPECT_GT(room.lightmap_error(false, near), 0.2) << thick;  // without the mask
   }
 }
 

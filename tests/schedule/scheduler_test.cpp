@@ -10,6 +10,7 @@
 
 #include "interflect/base/error.h"
 #include "schedule/counting_device.h"
+#include "schedule/failing_device.h"
 
 namespace interflect {
 namespace {
@@ -112,6 +113,30 @@ TEST(Scheduler, UsesFewerColumnsThanItWasMadeWith) {
   }
   expect_error(ErrorKind::internal, "1 to 24 were placed", [&] { scheduler.use_columns(25); });
   expect_error(ErrorKind::internal, "1 to 24 were placed", [&] { scheduler.use_columns(0); });
+}
+
+TEST(Scheduler, ANumberOfColumnsThatCannotBeCompiledChangesNothing) {
+  const FormFactorMatrix f = matrix(50);
+  const Columns x = wave(50, 3);
+  const auto fate = std::make_shared<Fate>();
+  std::vector<std::unique_ptr<Device>> devices;
+  devices.push_back(std::make_unique<FailingDevice>(fate));
+  Scheduler scheduler(f, std::move(devices), 24);
+  fate->fails_at = fate->calls;
+  expect_error(ErrorKind::device, "kernel: lost", [&] { scheduler.use_columns(3); });
+  fate->fails_at = Fate{}.fails_at;
+  EXPECT_EQ(scheduler.columns(), 24U);
+  scheduler.use_columns(3);
+  Vector in = scheduler.vector(), out = scheduler.vector();
+  scheduler.upload(in, x);
+  scheduler.apply(in, out);
+  Columns y;
+  scheduler.download(out, y);
+  const auto expected = product(f, x);
+  ASSERT_EQ(y.size(), 3U);
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t i = 0; i < 50; ++i) ASSERT_NEAR(static_cast<double>(y[c][i]), expected[c][i], 1e-5);
+  }
 }
 
 TEST(Scheduler, ExactProductIsInDoubleAndIndependentOfThreads) {

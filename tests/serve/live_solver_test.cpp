@@ -90,6 +90,13 @@ TEST_F(LiveSolving, MaterialsHaveNamesOfTheirOwnAndMeans) {
   EXPECT_NEAR(scene.materials()[boxes].reflectance[1], 0.5, 1e-12);
 }
 
+TEST_F(LiveSolving, NamesAreWhatJsonCanSay) {
+  const LiveScene latin(room.mesh, {}, {"w\xe4nde", "w\xf6nde", "gl\tow"});
+  EXPECT_EQ(latin.materials()[walls].name, "w\xef\xbf\xbdnde");
+  EXPECT_EQ(latin.materials()[boxes].name, "w\xef\xbf\xbdnde (2)");
+  EXPECT_EQ(latin.materials()[lamp].name, "gl ow");
+}
+
 TEST_F(LiveSolving, WhatVariesIsScaledToTheNewMean) {
   Change change;
   const Rgb mean = scene.materials()[boxes].reflectance;
@@ -140,6 +147,14 @@ TEST_F(LiveSolving, ADeviceThatIsNotThereLeavesTheOldOne) {
   EXPECT_THROW(live.use_device("absent"), Error);
   EXPECT_EQ(live.device(), "openmp");
   EXPECT_LT(difference(live.solve(painted(0.5)).radiosity, before), 1e-6);
+}
+
+TEST_F(LiveSolving, SaysWhichDeviceAutoTook) {
+  LiveSolver live = solver({"openmp"});
+  live.use_device("auto");
+  EXPECT_EQ(opened.back(), "auto");
+  EXPECT_EQ(live.device(), open_device("auto")->info().id);
+  EXPECT_NE(live.device(), "auto");
 }
 
 TEST_F(LiveSolving, ADeviceThatFailsInItsFirstSolveLeavesTheOldOne) {

@@ -184,6 +184,7 @@ TEST(Server, SaysWhatItCannotListenOn) {
   const auto refuse = [](const Request&) { return std::nullopt; };
   const auto answer = [](const Request&, const std::function<void(Answer)>&) {};
   const Server first("127.0.0.1", 0, {refuse, answer});
+  EXPECT_THROW(Server("", 0, {refuse, answer}), Error);  // not all addresses, which would be open to everyone
   for (const auto& [host, port] :
        {std::pair<std::string, std::uint16_t>("127.0.0.1", first.port()), {"no.such.host.invalid", 0}}) {
     try {

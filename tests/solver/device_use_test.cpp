@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <optional>
+#include <utility>
 
 #include "interflect/base/error.h"
 #include "interflect/solver/solver.h"
@@ -198,11 +199,19 @@ TEST_P(DeviceUse, AnInterruptedSolveGivesTheBestSoFar) {
       for (const float value : column) EXPECT_TRUE(std::isfinite(value));
     }
   }
+  // Also where the tolerance has been reached: the report says why it ended.
+  const double tolerance = std::exchange(stop.tolerance, 0.9);
+  Columns near;
+  const SolveReport enough = solved(2, near);  // of the million that were asked for
+  EXPECT_TRUE(enough.interrupted && enough.converged);
+  EXPECT_NE(enough.reason.find("interrupted after 2 iterations"), std::string::npos) << enough.reason;
+  stop.tolerance = tolerance;
   stop.iterations.reset();
   Columns b;
   const SolveReport whole = solved(1000000, b);  // nobody interrupts
   EXPECT_TRUE(whole.converged);
   EXPECT_FALSE(whole.interrupted);
+  EXPECT_EQ(whole.reason, "");
 }
 
 }  // namespace

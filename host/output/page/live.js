@@ -136,13 +136,22 @@ class Live {
   }
 
   async get(path) {
-    const answer = await fetch(path);
+    let answer = await fetch(path);
+    while (answer.status === 503) {  // many are here: their turns come
+      await this.pause(answer);
+      answer = await fetch(path);
+    }
     if (!answer.ok) throw new Error((await answer.json()).error);
     return answer.json();
   }
 
   post(path, body) {
     return fetch(path, {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(body)});
+  }
+
+  /** For as long as a server that is busy asks for. */
+  pause(answer) {
+    return new Promise((done) => setTimeout(done, 1000 * (Number(answer.headers.get("Retry-After")) || 1)));
   }
 
   build() {
@@ -296,7 +305,7 @@ class Live {
     const began = performance.now();
     const answer = await this.post("/solve", request);
     if (answer.status === 503) {
-      await new Promise((done) => setTimeout(done, 1000 * (Number(answer.headers.get("Retry-After")) || 1)));
+      await this.pause(answer);
       return true;
     }
     if (!answer.ok) {
@@ -304,6 +313,11 @@ class Live {
       return false;
     }
     const solution = readSolution(await answer.arrayBuffer());
+    const {data} = this.app;
+    if (solution.patches !== data.patches || solution.lamps !== data.lamps.length) {
+      this.complain("Another scene is served at this address now: load the page again.");
+      return false;
+    }
     this.show(solution, request, performance.now() - began);
     return false;
   }

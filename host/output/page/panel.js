@@ -77,6 +77,9 @@ class Panel {
     byId("bounce-none").textContent =
       data.bounces_left_out ? `Left out: ${data.bounces_left_out}.` : "This solution came without its single bounces.";
     slider.max = light.bounces;
+    if (data.incomplete) {
+      document.querySelector("#help .note").textContent = "Every slider scales light that has been solved, here not with all its bounces (see Statistics). A lamp’s colour filters its own.";
+    }
     const set = (bounce) => {
       state.bounce = bounce;
       this.show();
@@ -189,6 +192,8 @@ class Panel {
   folding() {
     byId("fold").addEventListener("click", () => this.fold(!this.folded));
     this.fold(false);
+    // On a phone the panel is as high as what is open in it.
+    byId("controls").addEventListener("toggle", () => this.layout(), true);
   }
 
   fold(folded) {
@@ -220,7 +225,7 @@ class Panel {
   }
 
   show() {
-    const {state, walker, light, legend} = this.app;
+    const {state, walker, light, legend, data} = this.app;
     const check = (name, value) => document.getElementsByName(name).forEach((r) => r.checked = r.value === value);
     this.lamps.show();
     check("tone", state.tone);
@@ -244,7 +249,7 @@ class Panel {
     byId("bounce").value = state.bounce;
     fillTrack(byId("bounce"));
     byId("bounce-value").textContent =
-      state.bounce >= light.bounces ? "all bounces" : state.bounce === 1 ? "1 bounce" : `${state.bounce} bounces`;
+      state.bounce >= light.bounces ? (data.incomplete ? "as far as solved" : "all bounces") : state.bounce === 1 ? "1 bounce" : `${state.bounce} bounces`;
     byId("hint").textContent = (walker.mode === "walk" ? "Drag to look around · W A S D to walk" :
       "Drag to turn the room · wheel to go nearer") + " · click a surface for its numbers";
   }

@@ -205,14 +205,17 @@ class View {
     const visible = chosen.visible;
     chosen.visible = false;
     camera.clearViewOffset();
-    const before = camera.aspect;
+    const before = {aspect: camera.aspect, fov: camera.fov};
+    // The same angle across the shorter side, as look() has it.
+    const across = Math.tan(camera.fov * Math.PI / 360) * Math.min(before.aspect, 1);
     camera.aspect = this.width / this.height;
+    camera.fov = 2 * Math.atan(across / Math.min(camera.aspect, 1)) * 180 / Math.PI;
     camera.updateProjectionMatrix();
     this.renderer.render(this.scene, camera);
     copy.width = this.canvas.width;
     copy.height = this.canvas.height;
     copy.getContext("2d").drawImage(this.canvas, 0, 0);
-    camera.aspect = before;
+    Object.assign(camera, before);
     chosen.visible = visible;
     this.offset();
     this.request();
