@@ -1,6 +1,7 @@
 #include "rank_solve.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <limits>
@@ -9,9 +10,12 @@
 
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
+#include "interflect/base/timer.h"
 #include "interflect/device/registry.h"
 #include "interflect/formfactor/rank_assembly.h"
+#include "interflect/schedule/rank_product.h"
 #include "interflect/schedule/storage_choice.h"
+#include "interflect/solver/rounding.h"
 
 namespace interflect::cli {
 
@@ -64,7 +68,7 @@ class Keeping {
 
 void check(const SceneOptions& scene, const SolvingOptions& options) {
   const auto storage = storage_of(options.storage);
-  if (storage && *storage != Storage::dense32) refuse("--storage " + options.storage);
+  if (storage == Storage::sym16) refuse("--storage " + options.storage);
   if (scene.memory) refuse("--memory");
 }
 
@@ -148,6 +152,98 @@ RanksReport report_of(const RankFormFactors& rows, const std::vector<std::string
   return out;
 }
 
+/// One solve with F's rows in one format.
+class RowsSolve {
+ public:
+  RowsSolve(const FormFactorMatrix& rows, const MeshedScene& loaded, const SolvingOptions& options, const Lamps& lamps,
+            ProgressSink& progress)
+      : rows_(rows),
+        mesh_(loaded.mesh),
+        options_(options),
+        lamps_(lamps),
+        progress_(progress),
+        light_(light_of(loaded.mesh, lamps.groups)) {}
+
+  /// `use` is of what all ranks have together.
+  Solved run(Candidates& candidates, const PackedMatrix* packed, StorageUse use) {
+    const RanksUse before = ranks().use();
+    const std::uint32_t columns = columns_at_once(light_.emittance.size());
+    const Place place = [&](std::unique_ptr<Device> device) {
+      std::vector<std::unique_ptr<Device>> devices;
+      devices.push_back(std::move(device));
+      return keeping_.within([&] {
+        return packed != nullptr ? std::make_unique<Scheduler>(*packed, rows_, ranks(), std::move(devices), columns)
+                                 : std::make_unique<Scheduler>(rows_, ranks(), std::move(devices), columns);
+      });
+    };
+    Columns radiosity;
+    std::vector<std::vector<std::vector<Rgb>>> bounces;
+    const auto after = [&](Scheduler& scheduler) {
+      communication = ranks().use() - before;
+      if (progress_.interrupted()) return;
+      if (lamps_.bounces) bounces = bounces_of(scheduler, light_, *lamps_.bounces, &progress_);
+      // A fixed number of iterations asks for that many bounces, not for a solution that could be judged.
+      if (packed == nullptr || options_.stop.iterations) return;
+      const auto exact = [&](const Columns& x, auto& y) { exact_product(rows_, ranks(), x, y); };
+      use.rounding_error = rounding_error(scheduler, options_.chosen_method(), exact, mesh_.area, light_.reflectance,
+                                          light_.emittance, radiosity);
+    };
+    // No checkpoints in between: a device that fails ends the job.
+    constexpr double never = std::numeric_limits<double>::infinity();
+    FallbackReport done = keeping_.around([&] {
+      return solve_on(candidates, place, options_.chosen_method(), options_.stop, mesh_.area, light_.reflectance,
+                      light_.emittance, radiosity, &progress_, never, after);
+    });
+    Solved solved = solved_of(std::move(done), mesh_, lamps_, radiosity, use);
+    solved.bounces = std::move(bounces);
+    return solved;
+  }
+
+  RanksUse communication;  ///< of the solve itself
+
+ private:
+  const FormFactorMatrix& rows_;
+  const PatchMesh& mesh_;
+  const SolvingOptions& options_;
+  const Lamps& lamps_;
+  ProgressSink& progress_;
+  Light light_;
+  Keeping keeping_;
+};
+
+/// Why a 16-bit format's solution is not taken; empty: it is.
+std::string refusal(const Solved& solved, const StopTest& stop) {
+  if (solved.report.interrupted) return "";
+  if (!solved.report.converged && !stop.iterations && solved.report.iterations < stop.max_iterations) {
+    return "the rounded form factors have no solution within the tolerance";
+  }
+  const std::optional<double>& error = solved.storage.rounding_error;
+  if (!error || !solved.report.converged || *error <= largest_rounding_error) return "";
+  return fmt::format("its rounding moves a radiosity by {:.2e} of the largest, {:.0e} is allowed", *error,
+                     largest_rounding_error);
+}
+
+/// In the format that is asked for; in dense32 where that is refused.
+Solved solve_rows(RowsSolve& solve, const RankFormFactors& factors, const PatchMesh& mesh, Storage format,
+                  Candidates& candidates, const StopTest& stop, ProgressSink& progress) {
+  const StorageUse dense_use{Storage::dense32, factors.bytes, factors.nonzero_fraction};
+  if (format == Storage::dense32) return solve.run(candidates, nullptr, dense_use);
+  const Timer packing;
+  std::optional<PackedMatrix> packed;
+  agreed(ranks(), [&] { packed.emplace(factors.own.matrix, mesh.area, format); });
+  const auto bytes = static_cast<std::uint64_t>(ranks().sum(static_cast<double>(packed->bytes())));
+  const double nonzero = ranks().sum(packed->nonzero_fraction());
+  Solved solved = solve.run(candidates, &*packed, {format, bytes, nonzero, {}, packing.seconds()});
+  const std::string why = refusal(solved, stop);
+  if (why.empty()) return solved;
+  progress.message(fmt::format("warning: {} is refused: {}; solving with dense32", name(format), why));
+  packed.reset();
+  Solved dense = solve.run(candidates, nullptr, dense_use);
+  dense.storage.refused = fmt::format("{}: {}", name(format), why);
+  dense.storage.pack_seconds = solved.storage.pack_seconds;
+  return dense;
+}
+
 }  // namespace
 
 std::vector<std::string> devices_of_rank(const std::string& text) {
@@ -183,40 +279,14 @@ PlacedSolve solve_on_ranks(const MeshedScene& loaded, const SceneOptions& scene,
   out.kept = std::move(kept.kept);
   out.assembly = assembler.use();
   const FormFactorMatrix& rows = kept.rows.own.matrix;
-  const Light light = light_of(mesh, lamps.groups);
   RankProgress rank_progress(progress);
-  Columns radiosity;
-  std::vector<std::vector<double>> received;  // F b
-  std::vector<std::vector<std::vector<Rgb>>> bounces;
-  RanksUse solved_use;
-  Keeping keeping;
-  const Place place = [&](std::unique_ptr<Device> device) {
-    std::vector<std::unique_ptr<Device>> devices;
-    devices.push_back(std::move(device));
-    const std::uint32_t columns = columns_at_once(light.emittance.size());
-    return keeping.within([&] { return std::make_unique<Scheduler>(rows, ranks(), std::move(devices), columns); });
-  };
-  const auto after = [&](Scheduler& scheduler) {
-    solved_use = ranks().use() - assembled;
-    if (lamps.bounces) bounces = bounces_of(scheduler, light, *lamps.bounces, &progress);
-    const Columns sum = sum_of_groups(radiosity);
-    scheduler.use_columns(static_cast<std::uint32_t>(sum.size()));
-    scheduler.exact_product(sum, received);
-  };
-  // No checkpoints in between: a device that fails ends the job.
-  constexpr double never = std::numeric_limits<double>::infinity();
-  FallbackReport done = keeping.around([&] {
-    return solve_on(candidates, place, options.chosen_method(), options.stop, mesh.area, light.reflectance,
-                    light.emittance, radiosity, &rank_progress, never, after);
-  });
-  const std::vector<std::string> devices = done.devices;
-  out.solved = solved_of(std::move(done), mesh, lamps, radiosity,
-                         {Storage::dense32, kept.rows.bytes, kept.rows.nonzero_fraction});
-  out.solved.bounces = std::move(bounces);
+  RowsSolve solve(rows, loaded, options, lamps, rank_progress);
+  const Storage format = storage_of(options.storage).value_or(Storage::dense32);
+  out.solved = solve_rows(solve, kept.rows, mesh, format, candidates, options.stop, progress);
   out.assembly.bytes_over_bus += out.solved.uploaded_bytes;
-  out.energy = energy_balance([&](const Columns&, auto& y) { y = received; }, mesh, out.solved.radiosity,
-                              kept.rows.own.report.row_sum);
-  out.ranks = report_of(kept.rows, devices, assembled - at_first, solved_use);
+  const auto exact = [&](const Columns& x, auto& y) { exact_product(rows, ranks(), x, y); };
+  out.energy = energy_balance(exact, mesh, out.solved.radiosity, kept.rows.own.report.row_sum);
+  out.ranks = report_of(kept.rows, out.solved.devices, assembled - at_first, solve.communication);
   out.factors = std::move(kept.rows.own);
   return out;
 }

@@ -70,7 +70,16 @@ Scheduler::Scheduler(const FormFactorMatrix& form_factors, std::vector<std::uniq
 Scheduler::Scheduler(const FormFactorMatrix& rows, Ranks& ranks, std::vector<std::unique_ptr<Device>> devices,
                      std::uint32_t columns)
     : Scheduler(std::move(devices), rows.size(), columns) {
-  product_ = make_product(rows, ranks, *device_, arguments_, groups_);
+  auto local = make_product(rows, *device_, arguments_, groups_);
+  product_ = make_rank_product(std::move(local), RankRows(ranks, rows), ranks, *device_, arguments_, groups_);
+  place();
+}
+
+Scheduler::Scheduler(const PackedMatrix& packed, const FormFactorMatrix& rows, Ranks& ranks,
+                     std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns)
+    : Scheduler(std::move(devices), packed.size(), columns) {
+  auto local = make_product(packed, *device_, arguments_, groups_);
+  product_ = make_rank_product(std::move(local), RankRows(ranks, rows), ranks, *device_, arguments_, groups_);
   place();
 }
 

@@ -63,6 +63,9 @@ class Scheduler {
   /// AgreedError of all.
   Scheduler(const FormFactorMatrix& rows, Ranks& ranks, std::vector<std::unique_ptr<Device>> devices,
             std::uint32_t columns);
+  /// The same with these rows as dense16 or tiled16 have them.
+  Scheduler(const PackedMatrix& packed, const FormFactorMatrix& rows, Ranks& ranks,
+            std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);
   /// The same for a 16-bit format: panels of strips or blocks. Vectors then lie in the matrix's own order of patches;
   /// upload() and download() take and give columns by patch.
   Scheduler(const PackedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns);
