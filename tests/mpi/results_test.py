@@ -44,6 +44,17 @@ def the_same_ranks_have_the_same_bits_again(job):
         assert job.content("first.csv") == job.content("second.csv"), method
 
 
+def sixteen_bits_have_the_bits_of_one_process(job):
+    for storage in ("dense16", "tiled16"):
+        one, three = (solved(job, ranks, f"{storage}{ranks}", "--storage", storage) for ranks in (0, 3))
+        assert three["storage"]["format"] == storage and three["storage"]["refused"] is None, three["storage"]
+        assert three["storage"]["rounding_error"] < 1e-4, three["storage"]
+        if storage == "dense16":  # tiled16 has the patches in another order in one process
+            assert job.content("dense160.npy") == job.content("dense163.npy")
+            assert three["storage"]["rounding_error"] == one["storage"]["rounding_error"], (one, three)
+        assert job.content(f"{storage}3.npy") != job.content("one.npy"), storage
+
+
 def another_emission_is_seen_to_differ(job):
     """The comparison above can fail."""
     solved(job, 2, "changed", "--closure", "on")
@@ -72,4 +83,4 @@ def a_page_is_written_once(job):
 
 if __name__ == "__main__":
     main([any_number_of_ranks_has_the_bits_of_one_process, the_same_ranks_have_the_same_bits_again,
-          another_emission_is_seen_to_differ, ranks_with_different_devices_never_part, a_page_is_written_once])
+          sixteen_bits_have_the_bits_of_one_process, another_emission_is_seen_to_differ, ranks_with_different_devices_never_part, a_page_is_written_once])
