@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "interflect/base/error.h"
+#include "interflect/base/last_words.h"
 
 namespace interflect {
 
@@ -66,9 +67,14 @@ void leave(int entry) {
   if (entry >= 0) temporaries[static_cast<std::size_t>(entry)] = nullptr;
 }
 
+std::atomic<const std::string_view*> last_words{nullptr};
+
 void remove_temporaries(int signal) {
   for (const auto& name : temporaries) {
     if (const char* file = name; file != nullptr) ::unlink(file);
+  }
+  if (const std::string_view* line = last_words; line != nullptr) {
+    static_cast<void>(::write(STDERR_FILENO, line->data(), line->size()) < 0);  // nobody reads: as good as said
   }
   ::raise(signal);  // SA_RESETHAND: its own effect this time, once the handler returns
 }
@@ -172,6 +178,19 @@ void AtomicFile::commit() {
   if (::rename(temporary_.c_str(), path_.c_str()) != 0) throw system_error(path_, "rename the finished file");
   leave(entry_);
   ::close(std::exchange(descriptor_, -1));
+}
+
+void set_last_words(std::string_view line) noexcept {
+  // Two places in turn, so that a signal in the middle finds the line before.
+  static std::array<std::string_view, 2> lines;
+  static std::size_t at = 0;
+  if (line.empty()) {
+    last_words = nullptr;
+    return;
+  }
+  at = 1 - at;
+  lines[at] = line;
+  last_words = &lines[at];
 }
 
 void remove_temporaries_on_signals() {

@@ -115,7 +115,8 @@ void Console::be_patient(const std::string& promise) {
 StageState Console::state() const {
   return {stage_,     total_ == 0 ? done_.load() : std::min<std::uint64_t>(done_, total_),
           total_,     timer_.seconds(),
-          iteration_, residual_};
+          iteration_, residual_,
+          job_,       jobs_};
 }
 
 void Console::show(std::string_view moment) {

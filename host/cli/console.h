@@ -39,6 +39,12 @@ class Console : public ProgressSink {
   void iteration(std::uint32_t number, double residual) override;
   [[nodiscard]] bool interrupted() override;
 
+  /// What follows belongs to job number `job` of `jobs`: bars and JSON say so.
+  void set_job(std::uint32_t job, std::uint32_t jobs) {
+    job_ = job;
+    jobs_ = jobs;
+  }
+
   /// From now on the first Ctrl-C is kept as interrupted(). `promise` says what is still done then, in a few words of
   /// the program's own.
   void be_patient(const std::string& promise);
@@ -53,6 +59,7 @@ class Console : public ProgressSink {
   bool drawn_ = false;
   bool running_ = false;  ///< between begin() and end()
   std::string stage_;
+  std::uint32_t job_ = 0, jobs_ = 0;
   std::uint64_t total_ = 0;
   std::atomic<std::uint64_t> done_{0};
   std::uint32_t iteration_ = 0;

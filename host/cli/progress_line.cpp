@@ -65,7 +65,8 @@ std::string bar_line(const StageState& state, std::size_t columns) {
     end += fmt::format("  {} {}/s", short_number(state.rate()), state.iteration > 0 ? "it" : unit_of(state.stage));
   }
   if (const auto left = state.seconds_left()) end += fmt::format("  {} left", duration(*left));
-  std::string line = fmt::format("{:<14} ", state.stage);
+  std::string line = state.jobs > 0 ? fmt::format("{}/{} ", state.job, state.jobs) : "";
+  line += fmt::format("{:<14} ", state.stage);
   if (state.total == 0) return (line + duration(state.seconds) + end).substr(0, columns);
   end = fmt::format(" {:3.0f} %", std::floor(state.share() * 100)) + end;
   // The bar itself gives way to what stands behind it.
@@ -79,6 +80,10 @@ std::string bar_line(const StageState& state, std::size_t columns) {
 
 nlohmann::ordered_json progress_json(const StageState& state, std::string_view moment) {
   nlohmann::ordered_json out;
+  if (state.jobs > 0) {
+    out["job"] = state.job;
+    out["jobs"] = state.jobs;
+  }
   out["stage"] = state.stage;
   out["state"] = std::string(moment);
   out["done"] = state.done;

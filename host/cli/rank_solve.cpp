@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -21,7 +22,7 @@ namespace interflect::cli {
 
 namespace {
 
-/// A sink whose interrupted() is rank 0's on every rank.
+/// A sink whose decisions are rank 0's on every rank.
 class RankProgress final : public ProgressSink {
  public:
   explicit RankProgress(ProgressSink& own) : own_(own) {}
@@ -31,9 +32,48 @@ class RankProgress final : public ProgressSink {
   void message(std::string_view line) override { own_.message(line); }
   void iteration(std::uint32_t number, double residual) override { own_.iteration(number, residual); }
   [[nodiscard]] bool interrupted() override { return ranks().rank_zeros(own_.interrupted()); }
+  [[nodiscard]] bool decide(bool mine) override { return ranks().rank_zeros(mine); }
 
  private:
   ProgressSink& own_;
+};
+
+/// Where all ranks begin: at what rank 0's keeper has found. It alone keeps more.
+class RankKeeper final : public IterateKeeper {
+ public:
+  explicit RankKeeper(IterateKeeper* own) : own_(own) {
+    interval_ = own != nullptr ? own->interval() : 0;
+    ranks().broadcast_values(std::span(&interval_, 1));
+    const Iterate* there = own != nullptr ? own->found() : nullptr;
+    if (!ranks().rank_zeros(there != nullptr)) return;
+    if (there != nullptr) found_ = *there;
+    std::array<std::uint64_t, 5> sizes{};
+    if (there != nullptr) {
+      sizes = {found_->b.size(), found_->b.front().size(), found_->products, found_->passes, found_->restarts};
+    }
+    ranks().broadcast_values(std::span(sizes));
+    if (there == nullptr) {
+      found_.emplace();
+      found_->b.assign(sizes[0], std::vector<float>(sizes[1]));
+      found_->made.resize(sizes[0]);
+      found_->products = static_cast<std::uint32_t>(sizes[2]);
+      found_->passes = static_cast<std::uint32_t>(sizes[3]);
+      found_->restarts = static_cast<std::uint32_t>(sizes[4]);
+    }
+    ranks().broadcast_values(std::span(found_->made));
+    for (std::vector<float>& column : found_->b) ranks().broadcast_values(std::span(column));
+  }
+  [[nodiscard]] const Iterate* found() const override { return found_ ? &*found_ : nullptr; }
+  [[nodiscard]] double interval() const override { return interval_; }
+  [[nodiscard]] bool due() override { return own_ != nullptr && own_->due(); }
+  void keep(const Iterate& iterate) noexcept override {
+    if (own_ != nullptr) own_->keep(iterate);
+  }
+
+ private:
+  IterateKeeper* own_;
+  double interval_ = 0;
+  std::optional<Iterate> found_;
 };
 
 /// What fails on all ranks together stays an AgreedError, whoever passes it on as an Error.
@@ -188,12 +228,16 @@ class RowsSolve {
       use.rounding_error = rounding_error(scheduler, options_.chosen_method(), exact, mesh_.area, light_.reflectance,
                                           light_.emittance, radiosity);
     };
-    // No checkpoints in between: a device that fails ends the job.
+    std::optional<RankKeeper> keeper;
+    IterateKeeper* const own = candidates.keeper();
+    if (ranks().rank_zeros(own != nullptr)) candidates.keep_in(&keeper.emplace(own));
+    // No checkpoints for another device: one that fails ends the job.
     constexpr double never = std::numeric_limits<double>::infinity();
     FallbackReport done = keeping_.around([&] {
       return solve_on(candidates, place, options_.chosen_method(), options_.stop, mesh_.area, light_.reflectance,
                       light_.emittance, radiosity, &progress_, never, after);
     });
+    candidates.keep_in(own);
     Solved solved = solved_of(std::move(done), mesh_, lamps_, radiosity, use);
     solved.bounces = std::move(bounces);
     return solved;

@@ -205,6 +205,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["energy"] = energy_json(summary.energy);
   out["assembly"] = assembly_json(assembled, summary.assembly);
   out["form_factors"] = kept_json(summary.kept);
+  out["checkpoint"] = checkpoint_json(summary.checkpoint);
   out["estimated_error"] = {{"row_sum", error_json(summary.row_error)},
                             {"radiosity", error_json(summary.radiosity_error)}};
   out["warnings"] = loaded.warnings;
@@ -264,6 +265,7 @@ std::string to_text(const SolveSummary& summary) {
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,
                      report.seconds);
   out += ranks_text(summary);
+  out += checkpoint_text(summary.checkpoint);
   for (const DeviceFailure& failure : summary.solved->failures) {
     out += fmt::format("failed         {}\n", first_line(failure.reason));
   }

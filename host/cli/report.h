@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 
+#include "checkpoint.h"
 #include "interflect/formfactor/estimate.h"
 #include "kept.h"
 #include "pipeline.h"
@@ -25,6 +26,7 @@ struct SolveSummary {
   Kept kept = {};
   EstimatedError row_error = {}, radiosity_error = {};
   std::optional<RanksReport> ranks = {};
+  std::optional<CheckpointUse> checkpoint = {};
 };
 
 /// The JSON report: the fields that DESIGN's section on the command line fixes, and more beside them.

@@ -7,6 +7,7 @@
 
 #include "interflect/base/progress.h"
 #include "interflect/schedule/scheduler.h"
+#include "interflect/solver/iterate.h"
 #include "interflect/solver/solver.h"
 
 namespace interflect {
@@ -27,6 +28,11 @@ class BatchedSolve {
   /// columns.
   void begin_at(Columns guess);
 
+  /// Begins at what the keeper has found, and keeps its iterates there: within a pass and after it when they are due,
+  /// and in any case what run() ends with, also where it throws. The keeper must outlive this. Before the first run().
+  /// Throws a usage Error for another number of columns.
+  void keep_in(IterateKeeper& keeper);
+
   /// Solves what is not solved yet and leaves the Scheduler with the columns of the last batch. Throws what solve()
   /// throws; what was done until then is kept, also where the next Scheduler takes fewer columns.
   void run(Scheduler& scheduler, ProgressSink* progress = nullptr);
@@ -44,8 +50,18 @@ class BatchedSolve {
     std::size_t first = 0, columns = 0;
     Checkpoint checkpoint = {};
     std::optional<SolveReport> done = {};
+    std::uint32_t made = 0;  ///< iterations in what it has come to
+  };
+  /// How far one batch is while it is solved.
+  struct Moment {
+    const Batch* batch = nullptr;
+    const Columns* b = nullptr;
+    const SolveReport* spent = nullptr;
   };
   void cut(std::uint32_t most);
+  void begin_at(const Iterate& iterate);
+  void run(Batch& batch, Scheduler& scheduler, ProgressSink* progress);
+  [[nodiscard]] Iterate iterate(const Moment& now) const;
 
   Method method_;
   const StopTest& stop_;
@@ -54,6 +70,7 @@ class BatchedSolve {
   const Columns& emittance_;
   std::vector<Batch> batches_;
   Columns radiosity_;
+  IterateKeeper* keeper_ = nullptr;
 };
 
 }  // namespace interflect

@@ -61,6 +61,7 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
                         const std::function<void(Scheduler&)>& after) {
   FallbackReport result;
   BatchedSolve solve(method, stop, area, reflectance, emittance, interval);
+  if (candidates.keeper() != nullptr) solve.keep_in(*candidates.keeper());
   std::unique_ptr<Scheduler> scheduler;
   for (bool done = false; !done;) {
     const std::uint64_t before = solve.kept_iterations();

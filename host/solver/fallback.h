@@ -9,6 +9,7 @@
 
 #include "interflect/base/error.h"
 #include "interflect/device/device.h"
+#include "interflect/solver/iterate.h"
 #include "interflect/solver/solver.h"
 
 namespace interflect {
@@ -43,6 +44,11 @@ class Candidates {
   /// That device, to be used before it is taken.
   [[nodiscard]] Device& device();
 
+  /// Where solves on them keep their iterate: for a later run of the program, which is one candidate more. Null:
+  /// nowhere.
+  void keep_in(IterateKeeper* keeper) { keeper_ = keeper; }
+  [[nodiscard]] IterateKeeper* keeper() const { return keeper_; }
+
   [[nodiscard]] const std::string& id() const {
     return ids_.at(at_);
   }  ///< of the device that is open or was taken last
@@ -55,6 +61,7 @@ class Candidates {
   std::size_t at_ = 0;
   std::unique_ptr<Device> device_;
   std::vector<DeviceFailure> failures_;
+  IterateKeeper* keeper_ = nullptr;
 };
 
 /// What solve_on() did.

@@ -37,6 +37,7 @@ void Refinement::begin(const Columns& emittance, const Checkpoint* checkpoint) {
     made_ = kept_ = checkpoint->kept_iterations;
     problem_.residual(b_, residual_);
   }
+  bool any_good = false;
   for (std::size_t c = 0; c < b_.size(); ++c) {
     const double relative = resumed_ ? problem_.relative(residual_[c], c) : 0.0;
     const bool good = std::isfinite(relative) && (relative <= 1.0 || stop_.iterations);
@@ -44,7 +45,12 @@ void Refinement::begin(const Columns& emittance, const Checkpoint* checkpoint) {
       at_zero(c);
     } else {
       report_.relative_residual[c] = relative;
+      any_good = true;
     }
+  }
+  if (resumed_ && !any_good) {  // nothing of it was used: this is a beginning
+    resumed_ = false;
+    made_ = kept_ = 0;
   }
 }
 
@@ -144,6 +150,7 @@ void Refinement::take_checkpoint() {
   if (!corrected(x, next)) return;
   taken_ = std::move(next);
   taken_made_ = made_;
+  keep(taken_, taken_made_);
 }
 
 /// Iterates until the pass's target, the end of the budget, or trouble.
@@ -164,7 +171,8 @@ Verdict Refinement::iterate(std::span<const float> target) {
     if ((verdict != Verdict::go_on && !exactly) || budget() == 0) return verdict;
     report_.interrupted = made_ > 0 && bar_.interrupted();
     if (report_.interrupted) return verdict;
-    if (made_ > kept_ && since_checkpoint_.seconds() >= interval_) take_checkpoint();
+    const bool takes_some = made_ > kept_ && std::isfinite(interval_);
+    if (takes_some && bar_.decide(since_checkpoint_.seconds() >= interval_)) take_checkpoint();
     correction_->iterate();
     count(1);
   }
@@ -188,6 +196,7 @@ bool Refinement::accept(Columns& next) {
   }
   kept_ = made_;
   taken_.clear();
+  keep(b_, kept_);
   return improved;
 }
 

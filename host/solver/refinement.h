@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <span>
@@ -39,6 +40,7 @@ class Bar {
     told_ = number;
   }
   [[nodiscard]] bool interrupted() const { return sink_ != nullptr && sink_->interrupted(); }
+  [[nodiscard]] bool decide(bool mine) const { return sink_ != nullptr ? sink_->decide(mine) : mine; }
 
  private:
   ProgressSink* sink_;
@@ -59,6 +61,9 @@ class Refinement {
   /// The last good iterate, for a device that goes on; called after a failure.
   void leave(Checkpoint& checkpoint);
   [[nodiscard]] Columns& b() { return b_; }
+
+  /// Called with each good iterate, and the iterations that it is made of.
+  std::function<void(const Columns&, std::uint32_t)> keep = [](const Columns&, std::uint32_t) {};
 
  private:
   [[nodiscard]] std::uint32_t budget() const {

@@ -39,6 +39,12 @@ SolveReport solve(Scheduler& scheduler, Method method, const StopTest& stop, std
     report.seconds = timer.seconds() - (scheduler.compile_seconds() - compiled_before) +
                      (checkpoint != nullptr ? checkpoint->seconds : 0);
   };
+  if (checkpoint != nullptr && checkpoint->keep) {
+    refinement.keep = [&](const Columns& b, std::uint32_t made) {
+      count_all();
+      checkpoint->keep(b, made, report);
+    };
+  }
   refinement.begin(emittance, checkpoint);
   try {
     refinement.run();

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -49,6 +50,9 @@ struct Checkpoint {
   double seconds = 0;
   /// Seconds of iterating between two checkpoints within a pass: a download each, so that short solves pay nothing.
   double interval = 1.0;
+  /// Called, if given, with each iterate that a failure would go on from, as soon as there is one, the iterations that
+  /// it is made of, and what was spent until then (the checkpoint's figures included).
+  std::function<void(const Columns& b, std::uint32_t made, const SolveReport& spent)> keep = {};
 };
 
 /// Solves (I − diag(ρ) F) b = e for every column; reflectance, emittance and radiosity are C columns of N values, area

@@ -10,11 +10,11 @@ import tempfile
 
 from run_docs import ROOT, Runner
 
-# Reports that have, together, every field: light groups, a file, a rounded format, streaming, no convergence.
+# Reports that have, together, every field: light groups, a file, a rounded format, streaming, no convergence, a checkpoint.
 RUNS = [
     "--light-groups object --storage sym16",
     "--form-factors kept.iff --memory 4M",
-    "--max-iterations 2",
+    "--max-iterations 2 --checkpoint room.ckp",
 ]
 
 

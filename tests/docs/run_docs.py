@@ -18,7 +18,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 COMMAND = re.compile(r"\s*(?:\$ )?interflect (solve|view|render|serve|formfactors|devices|check|bench|tune)\b")
 DIRECTIVE = re.compile(r"<!-- (not run|needs|file|same as|status|until stopped)(?:: *(.*?))? *-->$")
 FENCE = re.compile(r"```(\w*)$")
-WRITES = ("-o", "--output", "--report", "--lightmap-image", "--form-factors", "--csv", "--plot")
+WRITES = ("-o", "--output", "--report", "--lightmap-image", "--form-factors", "--csv", "--plot", "--summary")
 LIMIT = 300  # seconds for one command
 
 
@@ -98,7 +98,8 @@ def promised(command):
         return words[-1:]
     if words[0] != "interflect":
         return []
-    names = [after for word, after in zip(words, words[1:]) if word in WRITES]
+    # {name} stands for several files, and a rerun leaves them as they are: such a page lists them.
+    names = [after for word, after in zip(words, words[1:]) if word in WRITES and "{" not in after]
     if words[1] == "bench" and "--json" in words:
         names.append(words[words.index("--json") + 1])
     return [name % 0 if "%" in name else name for name in names]
