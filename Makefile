@@ -2,7 +2,7 @@
 .PHONY: deps build demo test asan emulated bundle docs install format tidy clean
 
 # install-deps has installed these: a test that does not find them fails instead of being skipped.
-REQUIRED = INTERFLECT_TEST_REQUIRE=opencl:0,vulkan:0,blender,chromium,mkdocs,ffmpeg
+REQUIRED = INTERFLECT_TEST_REQUIRE=opencl:0,vulkan:0,blender,chromium,mkdocs,ffmpeg,mpi
 
 deps:
 	@scripts/install-deps.sh

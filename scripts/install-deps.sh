@@ -9,6 +9,8 @@ packages=(
   # libraries that the program uses
   libembree-dev libtbb-dev libtinygltf-dev libtinyobjloader-dev libpugixml-dev libcli11-dev nlohmann-json3-dev
   libfmt-dev libhwy-dev libopenexr-dev libpng-dev zlib1g-dev libxxhash-dev libstb-dev
+  # solves on several machines: the MPI module, and what starts it
+  libopenmpi-dev openmpi-bin
   # the page of `view`: three.js is embedded in the program
   libjs-three
   # Boost.Beast, header-only: the HTTP of `serve`
@@ -24,7 +26,7 @@ packages=(
   # tests, benchmarks, sanitizers and fuzzers
   libgtest-dev libgmock-dev libbenchmark-dev
   clang-14 clang-format-14 clang-tidy-14 libomp-14-dev libclang-rt-14-dev llvm-14
-  python3
+  python3 iproute2
   # programs that no one here wrote, with which tests open what we write
   assimp-utils openexr blender python3-numpy ffmpeg
   # a browser that opens the page

@@ -26,6 +26,8 @@ class ProgressSink {
   virtual void iteration(std::uint32_t /*number*/, double /*residual*/) {}
   /// Whether the user wants no further work but the best result so far. Asked after each iteration.
   [[nodiscard]] virtual bool interrupted() { return false; }
+  /// A decision that hangs on time: where several processes do the same work, what the first of them says.
+  [[nodiscard]] virtual bool decide(bool mine) { return mine; }
 };
 
 }  // namespace interflect

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "launch.h"
+
 namespace interflect::cli {
 
 namespace {
@@ -81,7 +83,10 @@ void Console::advance(std::uint64_t steps) {
 }
 
 void Console::iteration(std::uint32_t number, double residual) {
-  if (!patient_) be_patient("the best result so far is written");
+  if (!patient_) {
+    be_patient(ranks().size() > 1 ? "mpirun ends the job; the best result so far is written if all ranks are there"
+                                  : "the best result so far is written");
+  }
   if (!terminal_ && voice_ != Voice::json) return;
   const std::lock_guard lock(mutex_);
   iteration_ = number;
@@ -103,6 +108,7 @@ void Console::be_patient(const std::string& promise) {
   line_ = fmt::format("interrupted: {} (once more to end at once)", promise);
   line_ = voice_ == Voice::json ? nlohmann::ordered_json{{"message", line_}}.dump() + "\n"
                                 : fmt::format("{}interflect: {}\n", terminal_ ? "\r\x1b[K" : "", line_);
+  if (!speaks()) line_.clear();
   patient_.emplace(line_);
 }
 

@@ -7,6 +7,7 @@
 #include "interflect/base/error.h"
 #include "interflect/device/bandwidth.h"
 #include "interflect/device/registry.h"
+#include "launch.h"
 #include "report.h"
 #include "selftest.h"
 
@@ -119,7 +120,7 @@ int run(const Options& options) {
     for (const Row& row : rows) out.push_back(to_json(row, rows));
     fmt::print("{}", dump(out));
   } else {
-    fmt::print("{}", to_text(rows));
+    fmt::print("{}ranks (MPI)  {}\n", to_text(rows), mpi_state());
   }
   const bool failed =
       std::any_of(rows.begin(), rows.end(), [](const Row& row) { return row.selftest.starts_with("FAIL"); });

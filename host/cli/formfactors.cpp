@@ -18,8 +18,10 @@
 #include "interflect/formfactor/iff_file.h"
 #include "interflect/output/matrix_file.h"
 #include "kept.h"
+#include "launch.h"
 #include "outputs.h"
 #include "pipeline.h"
+#include "rank_solve.h"
 #include "report.h"
 
 namespace interflect::cli {
@@ -149,10 +151,37 @@ void take(Known& known, KeptFormFactors computed) {
   known.kept = std::move(computed.kept);
 }
 
+/// Of several ranks. What is not there yet all ranks make; the rest is rank 0's.
+void keep_by_ranks(Known& known, const Options& options, const MeshedScene& loaded, Assembler& assembler,
+                   Console& progress) {
+  const std::string file = file_of(options);
+  const auto refuse = [](const char* what) {
+    throw AgreedError(ErrorKind::usage, fmt::format("{} on several ranks: start it without mpirun", what));
+  };
+  if (file.empty()) refuse("formfactors without -o FILE.iff does not run");
+  if (options.repair) refuse("--repair does not run");
+  const bool there = ranks().rank_zeros(together([&] { return fits(file, loaded, options.scene, progress); }));
+  if (there && !ranks().rank_zeros(together([&] { return is_closed(file, options.scene); }))) {
+    refuse("another --closure of a file that is there is not found");
+  }
+  if (!there) {
+    KeptFormFactors computed = keep_on_ranks(file, loaded, options.scene, assembler, progress);
+    known.report = std::move(computed.factors.report);
+    known.kept = std::move(computed.kept);
+  }
+  if (!speaks()) return;
+  if (there) {
+    progress.message(fmt::format("{}: is there and fits: its form factors are used", file));
+    known = from_file(file, options.scene);
+  } else {
+    known.file = IffFile::open(file);
+  }
+}
+
 Known from_scene(const Options& options, Console& progress) {
   const auto together = options.device == "auto" ? std::nullopt : std::optional(SplitOptions{});
   Candidates candidates(
-      choose_devices(options.device), [](const std::string& id) { return open_device(id); }, &progress, together);
+      devices_of_rank(options.device), [](const std::string& id) { return open_device(id); }, &progress, together);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const std::string file = file_of(options);
   std::error_code missing;
@@ -160,7 +189,7 @@ Known from_scene(const Options& options, Console& progress) {
   if (options.repair && !repairs && !std::filesystem::exists(file + ".partial", missing)) {
     throw input_error(file, 0, "is not there: there is nothing to repair");
   }
-  MeshedScene loaded = load(options.scene, progress);
+  MeshedScene loaded = together([&] { return load(options.scene, progress); });
   for (const std::string& output : options.outputs) {
     for (const std::filesystem::path& input : loaded.scene.files) {
       if (!same_file(output, input.string())) continue;
@@ -168,7 +197,9 @@ Known from_scene(const Options& options, Console& progress) {
     }
   }
   Known known;
-  if (repairs) {
+  if (ranks().size() > 1) {
+    keep_by_ranks(known, options, loaded, assembler, progress);
+  } else if (repairs) {
     take(known, repair(file, loaded, options.scene, assembler, progress));
   } else if (file.empty()) {
     take(known, {assemble_in_memory(loaded, options.scene, "-o FILE.iff", assembler, progress), {}});
@@ -254,9 +285,13 @@ void print_report(const Options& options, const Known& known) {
 
 int run(const Options& options) {
   Console console(voice_of(options.scene));
-  check(options);
+  agreed(ranks(), [&] {
+    if (speaks()) check(options);
+  });
   const bool alone = is_iff(options.scene.file);
+  if (alone && !speaks()) return 0;
   const Known known = alone ? from_file(options.scene.file, options.scene) : from_scene(options, console);
+  if (!speaks()) return 0;
   if (known.file && known.kept.done == "reused") report_warnings(known.report, known.file->name(), console);
   write_outputs(options, known);
   if (options.between) {

@@ -11,8 +11,6 @@
 
 namespace interflect::cli {
 
-namespace {
-
 bool is_there(const std::string& file) {
   std::error_code missing;
   return !file.empty() && std::filesystem::exists(file, missing);
@@ -22,6 +20,8 @@ iff::Shape wanted_shape(const MeshedScene& loaded, const SceneOptions& options) 
   const AssemblyOptions assembly = assembly_options(options);
   return iff_shape(loaded.mesh, loaded.divide, options.two_sided, accuracy_asked(options).eps, assembly.seed);
 }
+
+namespace {
 
 /// Why the file cannot serve; empty when it can. Only an accuracy and a seed that were asked for count.
 std::string misfit(const IffFile& file, const iff::Shape& wanted, bool divide_asked, bool accuracy_asked,
@@ -47,7 +47,8 @@ std::string misfit(const IffFile& file, const iff::Shape& wanted, bool divide_as
   return "";
 }
 
-/// As the file was made, so that its panels can be computed again or continued.
+}  // namespace
+
 SceneOptions as_made(const SceneOptions& options, const iff::Shape& shape) {
   SceneOptions out = options;
   out.accuracy = text_of({shape.key.eps});
@@ -55,11 +56,12 @@ SceneOptions as_made(const SceneOptions& options, const iff::Shape& shape) {
   return out;
 }
 
-/// Why the closure is found anew.
 std::string closure_anew(const IffFile& there, std::string_view what) {
   const std::string& damage = there.closing_damage();
   return fmt::format("{}: {} are used, the closure is found anew", damage.empty() ? there.name() : damage, what);
 }
+
+namespace {
 
 /// Puts the panels in the place of the matrix.
 void leave_in_file(KeptFormFactors& out, const std::string& file, std::uint64_t memory, ProgressSink& progress) {
@@ -182,17 +184,22 @@ KeptFormFactors close_again(const std::string& file, const MeshedScene& loaded, 
   return work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::close, assembler, progress);
 }
 
+IffFile open_fitting(const std::string& file, const MeshedScene& loaded, const SceneOptions& options) {
+  IffFile there = IffFile::open_panels(file);
+  // A divide that came from the file is not one that was asked for.
+  const bool divide_asked = options.patches || (options.divide && *options.divide != there.shape().divide);
+  const std::string why = misfit(there, wanted_shape(loaded, options), divide_asked, options.accuracy.has_value(),
+                                 options.seed.has_value());
+  if (!why.empty()) throw input_error(file, 0, fmt::format("does not fit {}: {}", loaded.scene.file, why));
+  return there;
+}
+
 KeptFormFactors form_factors_for_solve(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                                        Assembler& assembler, ProgressSink& progress) {
   if (file.empty()) return {assemble_in_memory(loaded, options, "--form-factors FILE.iff", assembler, progress), {}};
   if (!is_there(file)) return keep(file, loaded, options, assembler, progress);
-  const IffFile there = IffFile::open_panels(file);
+  const IffFile there = open_fitting(file, loaded, options);
   const iff::Shape& shape = there.shape();
-  // A divide that came from the file is not one that was asked for.
-  const bool divide_asked = options.patches || (options.divide && *options.divide != shape.divide);
-  const std::string why = misfit(there, wanted_shape(loaded, options), divide_asked, options.accuracy.has_value(),
-                                 options.seed.has_value());
-  if (!why.empty()) throw input_error(file, 0, fmt::format("does not fit {}: {}", loaded.scene.file, why));
   if (!there.closed_as(assembly_options(options).closure)) {
     progress.message(closure_anew(there, "its form factors"));
     return work_on(file, loaded, as_made(options, shape), shape, IffStore::Mode::read, assembler, progress);

@@ -30,6 +30,16 @@ struct KeptFormFactors {
   std::uint64_t memory = 0;                      ///< bytes that they may take then
 };
 
+[[nodiscard]] bool is_there(const std::string& file);
+/// What a file for the scene and the options would be, but for who makes its panels.
+[[nodiscard]] iff::Shape wanted_shape(const MeshedScene& loaded, const SceneOptions& options);
+/// FILE, which is there, if it fits the scene and what is asked of accuracy and seed. Throws an input Error else.
+[[nodiscard]] IffFile open_fitting(const std::string& file, const MeshedScene& loaded, const SceneOptions& options);
+/// The options as the file was made, so that its panels can be computed again or continued.
+[[nodiscard]] SceneOptions as_made(const SceneOptions& options, const iff::Shape& shape);
+/// A line that says why the closure is found anew.
+[[nodiscard]] std::string closure_anew(const IffFile& there, std::string_view what);
+
 /// `solve --form-factors FILE` without --divide and --patches takes the file's, where it is there.
 [[nodiscard]] SceneOptions with_the_files_divide(const SceneOptions& options, const std::string& file);
 

@@ -9,20 +9,20 @@
 #include "console.h"
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
+#include "launch.h"
 
 namespace {
 
 using interflect::Error;
 using interflect::ErrorKind;
 
-int fail(ErrorKind kind, std::string_view message) {
-  interflect::cli::say_error(kind, message);
-  return interflect::exit_status(kind);
+int fail(ErrorKind kind, std::string_view message, bool agreed = false) {
+  return interflect::cli::fail_job(kind, message, agreed);
 }
 
 /// CLI11's errors in one line, with the status that this program promises for usage errors.
 int usage(const CLI::App& program, const CLI::ParseError& error) {
-  if (error.get_exit_code() == 0) return program.exit(error);  // --help, --version
+  if (error.get_exit_code() == 0) return interflect::cli::speaks() ? program.exit(error) : 0;  // --help, --version
   const auto chosen = program.get_subcommands();
   const std::string command = chosen.empty() ? "interflect" : "interflect " + chosen.front()->get_name();
   std::string message = error.what();
@@ -63,6 +63,7 @@ int run(int argc, char** argv) {
   }
   interflect::remove_temporaries_on_signals();
   interflect::file_limit_is_an_error();
+  const interflect::cli::Launch launch(program.get_subcommands().front()->get_name());
   const int status = action();
   // A full disk or a closed pipe shows when the results are flushed.
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) return fail(ErrorKind::input, "cannot write to stdout");
@@ -75,6 +76,8 @@ int main(int argc, char** argv) {
   open_standard_streams();
   try {
     return run(argc, argv);
+  } catch (const interflect::AgreedError& error) {
+    return fail(error.kind(), error.what(), true);
   } catch (const Error& error) {
     return fail(error.kind(), error.what());
   } catch (const std::bad_alloc&) {

@@ -13,6 +13,7 @@
 #include "interflect/schedule/storage_choice.h"
 #include "interflect/solver/batches.h"
 #include "interflect/solver/rounding.h"
+#include "launch.h"
 #include "tune.h"
 #include "validators.h"
 
@@ -47,6 +48,7 @@ void add_scene_options(CLI::App& command, SceneOptions& options, const std::stri
 }
 
 Voice voice_of(const SceneOptions& options) {
+  if (!speaks()) return Voice::quiet;
   return options.json_progress ? Voice::json : options.quiet ? Voice::quiet : Voice::people;
 }
 

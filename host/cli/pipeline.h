@@ -36,7 +36,7 @@ struct SceneOptions {
   bool quiet = false;
   bool json_progress = false;
 };
-/// How --quiet and --json-progress want stderr used.
+/// How --quiet and --json-progress want stderr used; of several ranks only rank 0 speaks.
 [[nodiscard]] Voice voice_of(const SceneOptions& options);
 void add_scene_options(CLI::App& command, SceneOptions& options,
                        const std::string& what = "scene: .xml (rrv), .obj, .gltf, .glb or .vs3 (View3D)");

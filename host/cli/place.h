@@ -3,12 +3,21 @@
 #include <optional>
 
 #include "assembler.h"
+#include "interflect/base/ranks.h"
 #include "kept.h"
 #include "pipeline.h"
 
 // Where F is assembled and where it then lies.
 
 namespace interflect::cli {
+
+/// What several ranks did together, as rank 0 has seen it.
+struct RanksReport {
+  std::string transport;
+  std::vector<std::string> devices;  ///< of each rank
+  std::vector<std::uint32_t> rows;   ///< of F, of each rank
+  RanksUse assembly, solve;          ///< with reading and writing of a file; with the final residuals
+};
 
 /// A solve from the mesh on.
 struct PlacedSolve {
@@ -17,6 +26,7 @@ struct PlacedSolve {
   Energy energy;
   AssemblyUse assembly;
   Kept kept = {};
+  std::optional<RanksReport> ranks = {};  ///< none: one process
 };
 /// What there is to write of it. The mesh is that of `loaded`, which must outlive the solution.
 [[nodiscard]] Solution solution_of(const MeshedScene& loaded, const PlacedSolve& placed);

@@ -94,6 +94,36 @@ std::string light_groups_text(const std::vector<GroupResidual>& groups) {
   return out;
 }
 
+/// null where one process did it all.
+ordered_json ranks_json(const SolveSummary& summary) {
+  if (!summary.ranks) return nullptr;
+  const RanksReport& ranks = *summary.ranks;
+  const double iterations = std::max(1U, summary.solved->report.iterations);
+  const RanksUse& solve = ranks.solve;
+  return {{"count", ranks.rows.size()},
+          {"transport", ranks.transport},
+          {"devices", ranks.devices},
+          {"rows", ranks.rows},
+          {"bytes_gathered", solve.bytes_gathered},
+          {"messages", solve.messages},
+          {"seconds_communicating", solve.seconds},
+          {"bytes_per_iteration", static_cast<double>(solve.bytes_gathered) / iterations},
+          {"messages_per_iteration", static_cast<double>(solve.messages) / iterations},
+          {"form_factors",
+           {{"bytes_exchanged", ranks.assembly.bytes_exchanged},
+            {"bytes_gathered", ranks.assembly.bytes_gathered},
+            {"messages", ranks.assembly.messages},
+            {"seconds_communicating", ranks.assembly.seconds}}}};
+}
+
+std::string ranks_text(const SolveSummary& summary) {
+  if (!summary.ranks) return "";
+  const RanksReport& ranks = *summary.ranks;
+  const auto [fewest, most] = std::minmax_element(ranks.rows.begin(), ranks.rows.end());
+  return fmt::format("ranks          {} through {}, {} to {} rows each; {:.3f} s in {} messages of the solve\n",
+                     ranks.rows.size(), ranks.transport, *fewest, *most, ranks.solve.seconds, ranks.solve.messages);
+}
+
 }  // namespace
 
 ordered_json closure_json(const AssemblyReport& report, const MeshedScene& loaded) {
@@ -165,6 +195,7 @@ ordered_json to_json(const SolveSummary& summary) {
   out["light_groups"] = light_groups_json(summary.solved->groups);
   out["devices"] = summary.solved->devices;
   out["shares"] = shares_json(summary.solved->shares);
+  out["ranks"] = ranks_json(summary);
   out["failures"] = ordered_json::array();
   for (const DeviceFailure& failure : summary.solved->failures) {
     out["failures"].push_back({{"device", failure.device}, {"reason", failure.reason}});
@@ -261,6 +292,7 @@ std::string to_text(const SolveSummary& summary) {
                      fmt::join(summary.solved->devices, ","), tone_of(summary), report.iterations, report.products,
                      report.seconds);
   out += shares_text(summary.solved->shares);
+  out += ranks_text(summary);
   out += checkpoint_text(summary.checkpoint);
   for (const DeviceFailure& failure : summary.solved->failures) {
     out += fmt::format("failed         {}\n", first_line(failure.reason));

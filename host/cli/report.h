@@ -25,6 +25,7 @@ struct SolveSummary {
   double estimate_seconds = 0, write_seconds = 0, total_seconds = 0;
   Kept kept = {};
   EstimatedError row_error = {}, radiosity_error = {};
+  std::optional<RanksReport> ranks = {};
   std::optional<CheckpointUse> checkpoint = {};
 };
 

@@ -9,6 +9,7 @@
 #include "commands.h"
 #include "console.h"
 #include "interflect/base/error.h"
+#include "launch.h"
 #include "solve_job.h"
 #include "validators.h"
 
@@ -19,7 +20,7 @@ namespace {
 int run(const SolveJob& job) {
   Console console(voice_of(job.scene));
   const JobEnd end = solve_job(job, console);
-  if (end.failure) say_error(*end.failure, end.reason);
+  if (end.failure && speaks()) say_error(*end.failure, end.reason);
   return end.status;
 }
 
@@ -40,6 +41,9 @@ int run(SolveCommand& command, const GivenOptions& given) {
   }
   if (!several && (command.batch.force || !command.batch.summary.empty())) {
     throw Error(ErrorKind::usage, "--force and --summary are for several scenes");
+  }
+  if (several && ranks().size() > 1) {
+    throw AgreedError(ErrorKind::usage, "several scenes: not on several ranks yet: start it without mpirun");
   }
   if (!several) {
     SolveJob job = plan_job(command.scenes.front(), given, command.scenes.front()).job;

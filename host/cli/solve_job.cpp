@@ -12,6 +12,7 @@
 #include "interflect/base/timer.h"
 #include "interflect/output/lightmap.h"
 #include "kept.h"
+#include "launch.h"
 #include "outputs.h"
 #include "page.h"
 #include "place.h"
@@ -110,6 +111,7 @@ SolveSummary summary_of(const SolveJob& job, const MeshedScene& loaded, const Pl
   SolveSummary summary{&loaded,          &assembled,    &placed.solved, job.solving.chosen_method(),
                        job.solving.stop, placed.energy, placed.assembly};
   summary.kept = placed.kept;
+  summary.ranks = placed.ranks;
   const Timer estimating;
   summary.row_error = row_sum_error(assembled.tile_variance, loaded.mesh.area);
   summary.radiosity_error =
@@ -189,28 +191,37 @@ void check_job(const SolveJob& job) {
 
 JobEnd solve_job(const SolveJob& job, Console& console, DevicePool* pool) {
   const Timer total;
-  check_job(job);
-  Candidates candidates = pool != nullptr
-                              ? pool->candidates(job.solving.device, console,
-                                                 [&](std::size_t devices) { return together_of(job.solving, devices); })
-                              : candidates_of(job.solving, console);
-  candidates.open();  // a device that is not there is found before the work, too
-
-  const SceneOptions as_kept = with_the_files_divide(job.scene, job.solving.form_factors);
-  const MeshedScene loaded = load(as_kept, console);
-  check_scene_stays(job, loaded.scene);
+  Candidates candidates = together([&] {
+    if (speaks()) check_job(job);
+    Candidates asked =
+        pool != nullptr
+            ? pool->candidates(job.solving.device, console,
+                               [&](std::size_t devices) { return together_of(job.solving, devices); })
+            : candidates_of(job.solving, console);
+    asked.open();  // a device that is not there is found before the work, too
+    return asked;
+  });
+  const SceneOptions as_kept = together([&] { return with_the_files_divide(job.scene, job.solving.form_factors); });
+  const MeshedScene loaded = together([&] {
+    MeshedScene read = load(as_kept, console);
+    check_scene_stays(job, read.scene);
+    return read;
+  });
   if (job.read) job.read(loaded.scene);
   // A page is for dimming lamps; without one they are told apart only where that is asked for.
   const std::string lamps_by = job.lamps_asked ? job.light_groups : has_page(job) ? "auto" : "none";
   Lamps lamps{light_groups(loaded.scene, loaded.mesh, lamps_by)};
   if (has_page(job)) lamps.bounces = bounces_for_page(loaded.mesh.size(), lamps.groups.names.size());
-  const std::optional<Atlas> atlas = lightmap_atlas(job.lightmap, loaded.mesh, console);
+  // Of several ranks rank 0 has the files.
+  const std::optional<Atlas> atlas = !speaks() ? std::nullopt : lightmap_atlas(job.lightmap, loaded.mesh, console);
   std::optional<CheckpointFile> checkpoint;
-  if (!job.checkpoint.file.empty()) {
+  agreed(ranks(), [&] {
+    if (job.checkpoint.file.empty() || !speaks()) return;
     const IterateKey key = key_of(loaded, lamps, as_kept, job.solving);
     candidates.keep_in(&checkpoint.emplace(job.checkpoint, key, job.solving.stop, console));
-  }
+  });
   const PlacedSolve placed = solve_loaded(loaded, as_kept, job.solving, candidates, console, lamps);
+  if (!speaks()) return end_of(job, placed.solved.report, placed.solved.report.interrupted);
 
   SolveSummary summary = summary_of(job, loaded, placed);
   const Timer writing;

@@ -10,6 +10,7 @@
 #include "interflect/device/registry.h"
 #include "interflect/schedule/storage_choice.h"
 #include "kept.h"
+#include "rank_solve.h"
 #include "validators.h"
 
 namespace interflect::cli {
@@ -91,13 +92,14 @@ std::optional<SplitOptions> together_of(const SolvingOptions& options, std::size
 }
 
 Candidates candidates_of(const SolvingOptions& options, ProgressSink& progress) {
-  std::vector<std::string> ids = choose_devices(options.device);
+  std::vector<std::string> ids = devices_of_rank(options.device);
   std::optional<SplitOptions> together = together_of(options, ids.size());
   return {std::move(ids), [](const std::string& id) { return open_device(id); }, &progress, std::move(together)};
 }
 
 PlacedSolve solve_loaded(const MeshedScene& loaded, const SceneOptions& scene, const SolvingOptions& options,
                          Candidates& candidates, ProgressSink& progress, const Lamps& lamps) {
+  if (ranks().size() > 1) return solve_on_ranks(loaded, scene, options, candidates, progress, lamps);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const auto storage = storage_of(options.storage);
   const Method method = options.chosen_method();

@@ -138,7 +138,7 @@ ExchangeProduct exchange_product(const FormFactorMatrix& s) {
   return [&s](const std::vector<float>& x) {
     std::vector<double> y(s.size());
 #pragma omp parallel for schedule(static)
-    for (std::uint32_t i = 0; i < s.size(); ++i) y[i] = simd::dot(s.row(i), x);
+    for (std::uint32_t i = s.first_row(); i < s.end_row(); ++i) y[i] = simd::dot(s.row(i), x);
     return y;
   };
 }
@@ -155,7 +155,7 @@ void make_form_factors(FormFactorMatrix& s, const std::vector<double>& area, Sca
   const std::vector<float> x(d.begin(), d.end());
   double max_change = 0;
 #pragma omp parallel for schedule(static) reduction(max : max_change)
-  for (std::uint32_t i = 0; i < s.size(); ++i) {
+  for (std::uint32_t i = s.first_row(); i < s.end_row(); ++i) {
     const auto [low, high] = simd::scale(s.row(i), area[i] > 0 ? static_cast<float>(d[i] / area[i]) : 0.0F, x);
     if (low > high) continue;  // an empty row
     max_change = std::max(

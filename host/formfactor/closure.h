@@ -33,14 +33,15 @@ inline constexpr double moved_much = 0.05;
 /// Brings rows whose sum exceeds 1 down to at most 1, by d_i = 1 / row sum there and d_i = 1 elsewhere.
 [[nodiscard]] Scaling cap_row_sums(const std::vector<double>& row_sums);
 
-/// S x of a matrix that holds S. The matrix must outlive what is returned.
+/// S x of a matrix that holds S; 0 in rows that it does not hold. The matrix must outlive what is returned.
 [[nodiscard]] ExchangeProduct exchange_product(const FormFactorMatrix& s);
 
 /// Σ_j F_ij = d_i (S d)_i / A_i for every i; 0 where the area is.
 [[nodiscard]] std::vector<double> row_sums_of(const ExchangeProduct& product, const std::vector<double>& area,
                                               const std::vector<double>& d);
 
-/// Turns a matrix that holds S into one that holds F, in place: F_ij = S_ij (d_i / A_i) d_j. Sets max_change.
+/// Turns a matrix that holds S into one that holds F, in place: F_ij = S_ij (d_i / A_i) d_j. Sets max_change, of the rows
+/// that it holds.
 void make_form_factors(FormFactorMatrix& s, const std::vector<double>& area, Scaling& scaling);
 
 }  // namespace interflect

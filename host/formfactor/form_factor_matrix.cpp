@@ -91,7 +91,7 @@ std::span<float> FormFactorMatrix::row(std::uint32_t i) {
 double FormFactorMatrix::nonzero_fraction() const {
   std::uint64_t count = 0;
 #pragma omp parallel for reduction(+ : count) schedule(static)
-  for (std::uint32_t i = 0; i < n_; ++i) {
+  for (std::uint32_t i = first_; i < end_; ++i) {
     for (const float f : row(i)) count += f != 0.0F ? 1 : 0;
   }
   return n_ == 0 ? 0.0 : static_cast<double>(count) / (static_cast<double>(n_) * static_cast<double>(n_));

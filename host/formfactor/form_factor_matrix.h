@@ -37,7 +37,7 @@ class FormFactorMatrix {
   [[nodiscard]] std::uint32_t first_row() const { return first_; }  ///< 0 but for rows_only()
   [[nodiscard]] std::uint32_t end_row() const { return end_; }      ///< n but for rows_only()
   [[nodiscard]] std::uint64_t bytes() const;
-  /// Share of the n² elements that are not zero.
+  /// Share of the n² elements that are not zero and here.
   [[nodiscard]] double nonzero_fraction() const;
 
   /// Row i: n elements (the padding behind them is zero and not part of the span).

@@ -155,6 +155,19 @@ EntryBytes sealed(EntryBytes entry, std::uint64_t seed) {
   return entry;
 }
 
+EntryBytes finished_entry(std::uint32_t panel, std::span<const std::byte> rows, const TileFacts& facts,
+                          std::uint64_t seed) {
+  EntryBytes entry{};
+  entry.state = state_finished;
+  entry.panel = panel;
+  entry.rows_checksum = checksum(rows);
+  entry.variance_checksum = checksum(std::as_bytes(std::span(facts.variance)));
+  entry.pairs = facts.pairs_considered;
+  entry.analytic = facts.pairs_analytic;
+  entry.rays = facts.rays;
+  return sealed(entry, seed);
+}
+
 std::string panel_name(const Shape& shape, std::uint32_t panel) {
   return fmt::format("panel {} (rows {} to {})", panel, shape.first(panel), shape.first(panel) + shape.rows(panel) - 1);
 }

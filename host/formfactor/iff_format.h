@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "interflect/formfactor/descriptor.h"
+#include "interflect/formfactor/tile_maker.h"
 #include "interflect/scene/patch_mesh.h"
 
 /// The bytes of a file of form factors, as docs/iff-format.md has them.
@@ -120,6 +121,9 @@ static_assert(sizeof(ClosingBytes) == 16);
 /// The entries as they lie in the file, valid or not. Throws an input Error when the file ends before.
 [[nodiscard]] std::vector<EntryBytes> read_table(const Descriptor& file, const std::string& name, const Shape& shape);
 [[nodiscard]] EntryBytes sealed(EntryBytes entry, std::uint64_t seed);
+/// Of a panel with these rows (the padding with them) and facts.
+[[nodiscard]] EntryBytes finished_entry(std::uint32_t panel, std::span<const std::byte> rows, const TileFacts& facts,
+                                        std::uint64_t seed);
 
 /// "panel 3 (rows 1536 to 2047)".
 [[nodiscard]] std::string panel_name(const Shape& shape, std::uint32_t panel);

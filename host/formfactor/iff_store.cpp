@@ -380,21 +380,6 @@ void IffStore::save(std::uint32_t panel, const FormFactorMatrix& s, const TileFa
   throw Error(ErrorKind::interrupted, how_to_go_on());
 }
 
-/// Of the panel in rows_.
-iff::EntryBytes IffStore::entry_of(std::uint32_t panel, const TileFacts& facts) const {
-  const auto rows = std::as_bytes(std::span(rows_).first(shape_.panel_bytes(panel) / sizeof(float)));
-  const auto variance = std::as_bytes(std::span(facts.variance));
-  iff::EntryBytes entry{};
-  entry.state = iff::state_finished;
-  entry.panel = panel;
-  entry.rows_checksum = iff::checksum(rows);
-  entry.variance_checksum = iff::checksum(variance);
-  entry.pairs = facts.pairs_considered;
-  entry.analytic = facts.pairs_analytic;
-  entry.rays = facts.rays;
-  return iff::sealed(entry, seed_);
-}
-
 /// Where the entry of a damaged panel is sound, it says what the panel must be again.
 void IffStore::check_same(const iff::EntryBytes& entry) const {
   const iff::EntryBytes& before = table_[entry.panel];

@@ -64,6 +64,12 @@ class IffStore final : public PanelStore {
   /// The panels that have been saved since the store was opened.
   [[nodiscard]] const std::vector<std::uint32_t>& saved() const { return saved_; }
 
+  // For ranks that fill the file together (rank_store.h).
+  [[nodiscard]] const std::string& worked_on() const { return name_; }                ///< FILE.partial
+  [[nodiscard]] const std::vector<iff::EntryBytes>& table() const { return table_; }  ///< valid or not
+  /// A panel that another process has written and synced.
+  void take(const iff::EntryBytes& entry) { write(entry); }
+
   /// "3 of 26 panels are kept in FILE.partial, and the same command goes on from there": what this process leaves when
   /// it ends now, with the panel in hand finished.
   [[nodiscard]] std::string how_to_go_on() const;
@@ -85,7 +91,10 @@ class IffStore final : public PanelStore {
   [[nodiscard]] bool read(std::uint32_t panel) const;
   void check_symmetry(std::uint32_t panel, const FormFactorMatrix& s) const;
   void sync();
-  [[nodiscard]] iff::EntryBytes entry_of(std::uint32_t panel, const TileFacts& facts) const;
+  [[nodiscard]] iff::EntryBytes entry_of(std::uint32_t panel, const TileFacts& facts) const {
+    return iff::finished_entry(panel, std::as_bytes(std::span(rows_).first(shape_.panel_bytes(panel) / sizeof(float))),
+                               facts, seed_);
+  }
   void check_same(const iff::EntryBytes& entry) const;
   [[nodiscard]] bool last_valid(std::uint32_t panel) const;
   void write(const iff::EntryBytes& entry, const std::vector<float>& variance);

@@ -55,6 +55,11 @@ PackedMatrix::PackedMatrix(const FormFactorMatrix& form_factors, std::span<const
   if (area.size() != n_) {
     throw Error(ErrorKind::usage, fmt::format("storage: {} areas for {} patches", area.size(), n_));
   }
+  const bool some_rows = form_factors.end_row() - form_factors.first_row() != n_;
+  if (some_rows && (storage == Storage::sym16 || !order_.empty() || form_factors.first_row() % tile_rows != 0)) {
+    throw Error(ErrorKind::usage,
+                "storage: some rows only are packed as dense16 or tiled16, in the patches' own order");
+  }
   if (order_.empty()) {
     order_.resize(n_);
     std::iota(order_.begin(), order_.end(), 0U);

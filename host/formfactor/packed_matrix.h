@@ -39,10 +39,11 @@ class PackedMatrix {
     std::uint32_t block = 0;                ///< sym16: a multiple of 16; 0: default_block()
     std::uint64_t max_panel_bytes = FormFactorMatrix::default_panel_bytes();
   };
-  /// From the fp32 matrix and the patches' areas. Throws a usage Error for dense32, areas or an order of another
-  /// length, an order that is no permutation, a block that is no multiple of 16; an input Error for an area that is not
-  /// positive, or so far from the mean that fp32 cannot scale by it; a limit Error when packing needs more memory than
-  /// may be used, or the system refuses it.
+  /// From the fp32 matrix and the patches' areas. Of a matrix of some rows only (FormFactorMatrix::rows_only, beginning
+  /// at a multiple of 8) dense16 and tiled16 in the patches' own order hold these rows; in other places y is 0. Throws
+  /// a usage Error for dense32, areas or an order of another length, an order that is no permutation, a block that is
+  /// no multiple of 16; an input Error for an area that is not positive, or so far from the mean that fp32 cannot scale
+  /// by it; a limit Error when packing needs more memory than may be used, or the system refuses it.
   PackedMatrix(const FormFactorMatrix& form_factors, std::span<const double> area, Storage storage, Options options);
   PackedMatrix(const FormFactorMatrix& form_factors, std::span<const double> area, Storage storage)
       : PackedMatrix(form_factors, area, storage, Options{}) {}

@@ -71,6 +71,7 @@ class PackedMatrix::Arena {
 /// The tiles of a strip that are stored, with their columns; `buffer` has room for 8 rows.
 void PackedMatrix::make_strip(const FormFactorMatrix& form_factors, std::uint32_t strip, std::span<Half> buffer,
                               Arena& arena, Made& made) const {
+  if (strip * rows < form_factors.first_row() || strip * rows >= form_factors.end_row()) return;
   const bool upper = storage_ == Storage::sym16;
   const std::uint32_t first = upper ? strip * rows / columns : 0;
   for (std::uint32_t q = 0; q < rows; ++q) {
@@ -102,7 +103,8 @@ void PackedMatrix::make_strip(const FormFactorMatrix& form_factors, std::uint32_
 void PackedMatrix::store_tiles(const FormFactorMatrix& form_factors) {
   const std::uint32_t strips = (n_ + rows - 1) / rows;
   std::vector<Made> made(strips);
-  if (storage_ == Storage::dense16) check_memory(std::uint64_t{2} * strips * rows * stride_ * sizeof(Half));
+  const std::uint32_t own = form_factors.end_row() - form_factors.first_row();
+  if (storage_ == Storage::dense16) check_memory(std::uint64_t{2} * own * stride_ * sizeof(Half));
   std::vector<Arena> arenas(static_cast<std::size_t>(omp_get_max_threads()));
   std::exception_ptr failure;  // none may leave the parallel region
 #pragma omp parallel

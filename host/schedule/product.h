@@ -55,6 +55,8 @@ class Product {
   /// What each device of several does of it, and those that were lost; empty for one device.
   [[nodiscard]] virtual std::vector<DeviceShare> device_shares() const { return {}; }
   [[nodiscard]] virtual std::vector<DeviceFailure> failures() const { return {}; }
+  /// What comes down from the device for a decision: of several ranks rank 0's, where their devices differ.
+  virtual void agree(std::span<float> /*values*/) {}
 
   [[nodiscard]] std::uint64_t uploaded_bytes() const { return uploaded_bytes_; }
   [[nodiscard]] double compile_seconds() const { return compile_seconds_; }

@@ -11,6 +11,7 @@
 #include "interflect/base/timer.h"
 #include "interflect/schedule/device_form_factors.h"
 #include "interflect/schedule/product.h"
+#include "interflect/schedule/rank_product.h"
 
 namespace interflect {
 
@@ -71,6 +72,22 @@ Scheduler::Scheduler(const FormFactorMatrix& form_factors, std::vector<std::uniq
                      std::uint32_t columns, const SplitOptions& split)
     : Scheduler(std::move(devices), form_factors.size(), columns) {
   product_ = product_over(form_factors, devices_, arguments_, groups_, split);
+  place();
+}
+
+Scheduler::Scheduler(const FormFactorMatrix& rows, Ranks& ranks, std::vector<std::unique_ptr<Device>> devices,
+                     std::uint32_t columns, const SplitOptions& split)
+    : Scheduler(std::move(devices), rows.size(), columns) {
+  auto local = product_over(rows, devices_, arguments_, groups_, split);
+  product_ = make_rank_product(std::move(local), RankRows(ranks, rows), ranks, *device_, arguments_, groups_);
+  place();
+}
+
+Scheduler::Scheduler(const PackedMatrix& packed, const FormFactorMatrix& rows, Ranks& ranks,
+                     std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns, const SplitOptions& split)
+    : Scheduler(std::move(devices), packed.size(), columns) {
+  auto local = product_over(packed, devices_, arguments_, groups_, split);
+  product_ = make_rank_product(std::move(local), RankRows(ranks, rows), ranks, *device_, arguments_, groups_);
   place();
 }
 
@@ -236,6 +253,7 @@ void Scheduler::download(const Vector& from, Columns& to) {
 
 void Scheduler::download(const Vector& from, std::span<float> to) {
   device_->queue().download(*from.buffer_, 0, std::as_writable_bytes(to));
+  product_->agree(to);
 }
 
 void Scheduler::apply(Vector& x, Vector& y) {

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "interflect/base/ranks.h"
 #include "interflect/device/device.h"
 #include "interflect/device/kernel_arguments.h"
 #include "interflect/formfactor/form_factor_matrix.h"
@@ -61,6 +62,15 @@ class Scheduler {
   /// device Errors.
   Scheduler(const FormFactorMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns,
             const SplitOptions& split = {});
+  /// The same for one of several ranks, whose matrix has that rank's rows (FormFactorMatrix::rows_only): every rank has
+  /// whole vectors, and gets the rows of y from the others. Collective, as are apply() and exact_product(), and, where
+  /// the ranks' devices differ, download(): then all have what rank 0 has. A device Error of one rank in placing is an
+  /// AgreedError of all.
+  Scheduler(const FormFactorMatrix& rows, Ranks& ranks, std::vector<std::unique_ptr<Device>> devices,
+            std::uint32_t columns, const SplitOptions& split = {});
+  /// The same with these rows as dense16 or tiled16 have them.
+  Scheduler(const PackedMatrix& packed, const FormFactorMatrix& rows, Ranks& ranks,
+            std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns, const SplitOptions& split = {});
   /// The same for a 16-bit format: panels of strips or blocks. Vectors then lie in the matrix's own order of patches;
   /// upload() and download() take and give columns by patch.
   Scheduler(const PackedMatrix& form_factors, std::vector<std::unique_ptr<Device>> devices, std::uint32_t columns,

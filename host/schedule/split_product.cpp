@@ -191,12 +191,21 @@ bool SplitProduct::run(Buffer& x, Buffer& y) {
   } catch (...) {
     own = std::current_exception();  // but the others still use x
   }
+  // All are waited for before one is lost: that cuts the ranges anew, by which the others still work.
+  std::vector<std::exception_ptr> ends(parts_.size());
+  for (std::size_t k = 1; k < parts_.size(); ++k) {
+    try {
+      if (!parts_[k]->lost) parts_[k]->worker->wait();
+    } catch (...) {
+      ends[k] = std::current_exception();
+    }
+  }
   bool all = true;
   std::exception_ptr other;
   for (std::size_t k = 1; k < parts_.size(); ++k) {
-    if (parts_[k]->lost) continue;
+    if (ends[k] == nullptr) continue;
     try {
-      all = survives(k, [&] { parts_[k]->worker->wait(); }) && all;
+      all = survives(k, [&] { std::rethrow_exception(ends[k]); }) && all;
     } catch (...) {
       other = std::current_exception();
     }

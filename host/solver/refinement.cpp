@@ -171,7 +171,8 @@ Verdict Refinement::iterate(std::span<const float> target) {
     if ((verdict != Verdict::go_on && !exactly) || budget() == 0) return verdict;
     report_.interrupted = made_ > 0 && bar_.interrupted();
     if (report_.interrupted) return verdict;
-    if (made_ > kept_ && since_checkpoint_.seconds() >= interval_) take_checkpoint();
+    const bool takes_some = made_ > kept_ && std::isfinite(interval_);
+    if (takes_some && bar_.decide(since_checkpoint_.seconds() >= interval_)) take_checkpoint();
     correction_->iterate();
     count(1);
   }

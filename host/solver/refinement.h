@@ -40,6 +40,7 @@ class Bar {
     told_ = number;
   }
   [[nodiscard]] bool interrupted() const { return sink_ != nullptr && sink_->interrupted(); }
+  [[nodiscard]] bool decide(bool mine) const { return sink_ != nullptr ? sink_->decide(mine) : mine; }
 
  private:
   ProgressSink* sink_;

@@ -26,8 +26,16 @@ double largest(std::span<const std::vector<float>> columns) {
 double rounding_error(Scheduler& scheduler, Method method, const FormFactorMatrix& form_factors,
                       std::span<const double> area, const Columns& reflectance, const Columns& emittance,
                       const Columns& radiosity) {
+  const auto exact = [&](const Columns& x, auto& y) { exact_product(form_factors, x, y); };
+  return rounding_error(scheduler, method, exact, area, reflectance, emittance, radiosity);
+}
+
+double rounding_error(Scheduler& scheduler, Method method,
+                      const std::function<void(const Columns& x, std::vector<std::vector<double>>& y)>& exact_dense,
+                      std::span<const double> area, const Columns& reflectance, const Columns& emittance,
+                      const Columns& radiosity) {
   std::vector<std::vector<double>> received;
-  exact_product(form_factors, radiosity, received);
+  exact_dense(radiosity, received);
   Columns residual = radiosity;
   for (std::size_t c = 0; c < residual.size(); ++c) {
     const std::vector<float>& rho = reflectance[c % reflectance.size()];

@@ -121,7 +121,10 @@ class Runner:
         self.folder = folder
         # No drivers: pages promise nothing of a GPU. Nothing that the user has kept is read or written.
         self.environment = dict(os.environ, OCL_ICD_VENDORS="/nonexistent", VK_ICD_FILENAMES="/nonexistent",
-                                VK_DRIVER_FILES="/nonexistent", CUDA_VISIBLE_DEVICES="", XDG_CACHE_HOME=os.path.join(folder, ".cache"),
+                                VK_DRIVER_FILES="/nonexistent", CUDA_VISIBLE_DEVICES="",
+                                OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1",
+                                OMPI_MCA_rmaps_base_oversubscribe="1", OMPI_MCA_hwloc_base_binding_policy="none",
+                                XDG_CACHE_HOME=os.path.join(folder, ".cache"),
                                 PATH=os.path.dirname(os.path.abspath(program)) + os.pathsep + os.environ.get("PATH", ""))
 
     def run(self, command, status, where):

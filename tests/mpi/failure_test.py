@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""How a job of several ranks ends when something is wrong: once said, the right status, no hang. Exit status 77 without
+mpirun or without the MPI module, unless INTERFLECT_TEST_REQUIRE names mpi."""
+
+import json
+import os
+import signal
+
+from mpirun import SCENE, errors_of, main
+
+ENDLESS = ("solve", SCENE, "--patches", "500", "--device", "openmp", "--method", "jacobi", "--iterations",
+           "9000000")
+
+
+def fails_once(job, status, part, ranks, *arguments, **more):
+    done = job.run(ranks, *arguments, **more)
+    said = errors_of(done.stderr)
+    assert done.returncode == status and len(said) == 1 and part in said[0], done
+
+
+def what_all_ranks_meet_is_said_once(job):
+    fails_once(job, 3, "nowhere.obj: cannot open", 3, "solve", "nowhere.obj")
+    fails_once(job, 2, "--bogus", 3, "solve", SCENE, "--bogus")
+    fails_once(job, 2, "no device 'cuda:77'", 2, "solve", SCENE, "--device", "cuda:77")
+    with open(job.file("bad.obj"), "w", encoding="utf-8") as scene:
+        scene.write("v 0 0 0\nv 1 0 0\nv 0 x 0\nf 1 2 3\n")
+    fails_once(job, 3, "bad.obj:3", 3, "solve", "bad.obj")
+    fails_once(job, 3, "nowhere/x.npy", 2, "solve", SCENE, "--patches", "200", "--device", "openmp", "-o", "nowhere/x.npy")
+
+
+def what_ranks_cannot_do_is_said(job):
+    for arguments in (("solve", SCENE, "--storage", "sym16"), ("solve", SCENE, "--memory", "1M"), ("devices",),
+                      ("serve", SCENE), ("formfactors", SCENE, "--patches", "200")):
+        fails_once(job, 2, "start it without mpirun", 2, *arguments, *(() if arguments[0] in ("devices", "serve") else
+                                                                     ("--device", "openmp")))
+
+
+def without_the_module_no_rank_solves_alone(job):
+    fails_once(job, 2, "3 ranks", 3, "solve", SCENE, "-o", "alone.npy", INTERFLECT_MPI_MODULE="/nowhere.so")
+    assert not os.path.exists(job.file("alone.npy"))
+
+
+def a_rank_without_its_device_ends_all(job):
+    listed = job.run(0, "devices", "--json", CUDA_VISIBLE_DEVICES="", OCL_ICD_VENDORS="/nowhere").stdout
+    missing = [device["id"] for device in json.loads(listed) if not device["available"] and ":" in device["id"]]
+    if not missing:
+        print("not run: every device is available")
+        return
+    fails_once(job, 4, "(rank 1)", 2, "solve", SCENE, "--device", f"openmp,{missing[0]}", CUDA_VISIBLE_DEVICES="",
+               OCL_ICD_VENDORS="/nowhere")
+
+
+def a_file_that_one_rank_cannot_use_ends_all(job):
+    make = ("formfactors", SCENE, "--patches", "300", "--quiet", "-o", "room.iff")
+    assert job.run(0, *make, INTERFLECT_MAX_PANEL_BYTES="65536").returncode == 0
+    content = bytearray(job.content("room.iff"))
+    content[-40000] ^= 1  # of the last panels, which the last rank reads
+    with open(job.file("room.iff"), "wb") as stream:
+        stream.write(content)
+    fails_once(job, 3, "checksum differs", 3, "solve", SCENE, "--device", "openmp", "--form-factors", "room.iff")
+
+
+def iterating(job, name):
+    """A job in the middle of its solve."""
+    started = job.start(3, *ENDLESS, "-o", f"{name}.npy", "--report", f"{name}.json", "--json-progress")
+    log = []
+    for line in started.stderr:
+        log.append(line)
+        if '"iteration"' in line and '"iteration":0' not in line:
+            return started
+    raise AssertionError(f"it ended before: {log}")
+
+
+def a_killed_rank_ends_the_job(job):
+    started = iterating(job, "killed")
+    os.kill(job.ranks_of(started)[1], signal.SIGKILL)
+    _, error = started.communicate(timeout=60)
+    assert started.returncode not in (0, 1, 2, 3, 4, 5, 6), started.returncode
+    assert error.count("exited on signal 9") == 1, error
+    assert not os.path.exists(job.file("killed.npy"))
+
+
+def an_interrupt_leaves_the_best_so_far(job):
+    started = iterating(job, "patient")
+    os.kill(job.ranks_of(started)[0], signal.SIGINT)
+    out, error = started.communicate(timeout=60)
+    assert started.returncode == 130, (started.returncode, error)
+    assert json.loads(job.content("patient.json"))["interrupted"], (out, error)
+    assert os.path.exists(job.file("patient.npy"))
+
+
+def an_interrupt_of_mpirun_ends_the_job(job):
+    """mpirun itself gives its ranks a second and then kills them; its status is its own."""
+    started = iterating(job, "ended")
+    started.send_signal(signal.SIGINT)
+    started.communicate(timeout=60)
+    assert started.returncode != 0
+    assert not [name for name in os.listdir(job.folder) if "ended" in name and not name.endswith((".npy", ".json"))]
+
+
+if __name__ == "__main__":
+    main([what_all_ranks_meet_is_said_once, what_ranks_cannot_do_is_said, without_the_module_no_rank_solves_alone,
+          a_rank_without_its_device_ends_all, a_file_that_one_rank_cannot_use_ends_all, a_killed_rank_ends_the_job,
+          an_interrupt_leaves_the_best_so_far, an_interrupt_of_mpirun_ends_the_job])
