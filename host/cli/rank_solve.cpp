@@ -43,7 +43,7 @@ class RankKeeper final : public IterateKeeper {
  public:
   explicit RankKeeper(IterateKeeper* own) : own_(own) {
     interval_ = own != nullptr ? own->interval() : 0;
-    ranks().broadcast_values(std::span(&interval_, 1));
+    ranks().broadcast_values(std::span<double>(&interval_, 1));
     const Iterate* there = own != nullptr ? own->found() : nullptr;
     if (!ranks().rank_zeros(there != nullptr)) return;
     if (there != nullptr) found_ = *there;
@@ -51,7 +51,7 @@ class RankKeeper final : public IterateKeeper {
     if (there != nullptr) {
       sizes = {found_->b.size(), found_->b.front().size(), found_->products, found_->passes, found_->restarts};
     }
-    ranks().broadcast_values(std::span(sizes));
+    ranks().broadcast_values(std::span<std::uint64_t>(sizes));
     if (there == nullptr) {
       found_.emplace();
       found_->b.assign(sizes[0], std::vector<float>(sizes[1]));

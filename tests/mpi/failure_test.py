@@ -6,7 +6,7 @@ import json
 import os
 import signal
 
-from mpirun import SCENE, errors_of, main
+from mpirun import SCENE, errors_of, floats, main, wait_for
 
 ENDLESS = ("solve", SCENE, "--patches", "500", "--device", "openmp", "--method", "jacobi", "--iterations",
            "9000000")
@@ -80,6 +80,25 @@ def a_killed_rank_ends_the_job(job):
     assert not os.path.exists(job.file("killed.npy"))
 
 
+def another_number_of_ranks_goes_on_from_a_checkpoint(job):
+    # Enough to be killed on the way.
+    solve = ("solve", SCENE, "--patches", "500", "--device", "openmp", "--method", "jacobi", "--iterations", "4000", "--quiet")
+    keep = ("--checkpoint", "solve.ifc", "--every", "0.05s")
+    assert job.run(0, *solve, "-o", "whole.npy").returncode == 0
+    started = job.start(2, *solve, *keep, "-o", "parts.npy")
+    wait_for(lambda: os.path.exists(job.file("solve.ifc")) or started.poll() is not None, "a checkpoint")
+    os.kill(job.ranks_of(started)[1], signal.SIGKILL)
+    started.communicate(timeout=60)
+    assert started.returncode != 0 and not os.path.exists(job.file("parts.npy"))
+    done = job.run(3, *solve, *keep, "-o", "parts.npy", "--report", "parts.json")
+    assert done.returncode == 0, done
+    report = json.loads(job.content("parts.json"))
+    assert report["checkpoint"]["iterations_before"] > 0 and report["iterations"] == 4000, report["checkpoint"]
+    assert not os.path.exists(job.file("solve.ifc"))
+    whole, parts = floats(job.content("whole.npy")), floats(job.content("parts.npy"))
+    assert max(abs(a - b) for a, b in zip(whole, parts)) < 1e-5 * max(whole)
+
+
 def an_interrupt_leaves_the_best_so_far(job):
     started = iterating(job, "patient")
     os.kill(job.ranks_of(started)[0], signal.SIGINT)
@@ -101,4 +120,5 @@ def an_interrupt_of_mpirun_ends_the_job(job):
 if __name__ == "__main__":
     main([what_all_ranks_meet_is_said_once, what_ranks_cannot_do_is_said, without_the_module_no_rank_solves_alone,
           a_rank_without_its_device_ends_all, a_file_that_one_rank_cannot_use_ends_all, a_killed_rank_ends_the_job,
+          another_number_of_ranks_goes_on_from_a_checkpoint,
           an_interrupt_leaves_the_best_so_far, an_interrupt_of_mpirun_ends_the_job])
