@@ -179,9 +179,9 @@ void keep_by_ranks(Known& known, const Options& options, const MeshedScene& load
 }
 
 Known from_scene(const Options& options, Console& progress) {
-  const auto together = options.device == "auto" ? std::nullopt : std::optional(SplitOptions{});
+  const auto shared = options.device == "auto" ? std::nullopt : std::optional(SplitOptions{});
   Candidates candidates(
-      devices_of_rank(options.device), [](const std::string& id) { return open_device(id); }, &progress, together);
+      devices_of_rank(options.device), [](const std::string& id) { return open_device(id); }, &progress, shared);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const std::string file = file_of(options);
   std::error_code missing;

@@ -221,7 +221,7 @@ JobEnd solve_job(const SolveJob& job, Console& console, DevicePool* pool) {
     candidates.keep_in(&checkpoint.emplace(job.checkpoint, key, job.solving.stop, console));
   });
   const PlacedSolve placed = solve_loaded(loaded, as_kept, job.solving, candidates, console, lamps);
-  if (!speaks()) return end_of(job, placed.solved.report, placed.solved.report.interrupted);
+  if (!speaks()) return end_of(job, placed.solved, placed.solved.report.interrupted);
 
   SolveSummary summary = summary_of(job, loaded, placed);
   const Timer writing;

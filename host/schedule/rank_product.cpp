@@ -61,6 +61,8 @@ class RankProduct final : public Product {
     local_->exact(x, y);
     rows_.gather<double>(y.size(), [&](std::size_t c) { return y[c].data(); });
   }
+  [[nodiscard]] std::vector<DeviceShare> device_shares() const override { return local_->device_shares(); }
+  [[nodiscard]] std::vector<DeviceFailure> failures() const override { return local_->failures(); }
   void agree(std::span<float> values) override {
     if (differ_) ranks_.broadcast_values(values);
   }
