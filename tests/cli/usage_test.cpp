@@ -27,7 +27,8 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(
         std::pair{std::vector<std::string>{}, std::string("subcommand")},
         std::pair{std::vector<std::string>{"paint"}, std::string("paint")},
-        std::pair{std::vector<std::string>{"solve"}, std::string("SCENE")},
+        std::pair{std::vector<std::string>{"solve"}, std::string("a scene is needed")},
+        std::pair{std::vector<std::string>{"view"}, std::string("SCENE")},
         std::pair{std::vector<std::string>{"solve", box, "--divide", "x"}, std::string("--divide")},
         std::pair{std::vector<std::string>{"solve", box, "--divide", "-1"}, std::string("--divide")},
         std::pair{std::vector<std::string>{"solve", box, "--divide", "nan"}, std::string("--divide")},
@@ -88,7 +89,7 @@ INSTANTIATE_TEST_SUITE_P(
         std::pair{std::vector<std::string>{"solve", box, "--device", "openmp", "--split", "0"}, std::string("above 0")},
         std::pair{std::vector<std::string>{"bench", "--hybrid", "--room", "1312"}, std::string("--hybrid")},
         std::pair{std::vector<std::string>{"bench", "--device", "openmp,openmp:1"}, std::string("'openmp:1'")},
-        std::pair{std::vector<std::string>{"solve", box, "extra"}, std::string("extra")},
+        std::pair{std::vector<std::string>{"view", box, "extra"}, std::string("extra")},
         std::pair{std::vector<std::string>{"formfactors", box, "--group-by", "colour"}, std::string("--group-by")},
         std::pair{std::vector<std::string>{"formfactors", box, "--memory", "much"}, std::string("--memory")},
         std::pair{std::vector<std::string>{"solve", box, "--memory", "nan"}, std::string("'nan' is not a size")},
