@@ -8,6 +8,7 @@
 
 #include "interflect/base/error.h"
 #include "interflect/device/compile_cache.h"
+#include "interflect/formfactor/embree_tiles.h"
 #include "interflect/formfactor/iff_format.h"
 #include "interflect/formfactor/team_tiles.h"
 #include "interflect/schedule/device_assembly.h"
@@ -60,13 +61,23 @@ class DeviceTiles final : public TileMaker {
 
 }  // namespace
 
-std::vector<Device*> Assembler::team() {
-  std::vector<Device*> team;
-  for (Device* device : candidates_.devices()) {
-    if (!assembles(place_, device->info())) continue;
-    // Tiles of several kinds are not mixed: theirs differ in rays that graze an edge.
-    if (team.empty() || device->info().backend == team.front()->info().backend) team.push_back(device);
+std::vector<Assembler::Member> Assembler::team(bool mixed) {
+  const std::vector<Device*> devices = candidates_.devices();
+  const std::vector<double> weights = candidates_.split().weights;
+  std::vector<Member> team;
+  std::size_t assembling = 0;
+  for (std::size_t k = 0; k < devices.size(); ++k) {
+    const DeviceInfo& info = devices[k]->info();
+    const Member member{devices[k], mixed && info.backend == "openmp", weights.empty() ? 0 : weights.at(k)};
+    if (!member.embree && !assembles(place_, info)) continue;
+    // Tiles of several kinds differ in rays that graze an edge.
+    const bool alike = team.empty() || info.backend == team.front().device->info().backend;
+    if (!mixed && !alike) continue;
+    team.push_back(member);
+    assembling += member.embree ? 0 : 1;
   }
+  if (assembling == 0) return {};  // Embree alone needs no team
+  if (mixed && !weights.empty()) std::erase_if(team, [](const Member& member) { return member.share <= 0; });
   return team;
 }
 
@@ -80,8 +91,8 @@ void Assembler::leave_out(const std::string& id, const Error& error) {
 }
 
 void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act,
-                    const std::function<std::string()>& bound) {
-  for (std::vector<Device*> team = this->team(); !team.empty(); team = this->team()) {
+                    const std::function<std::string()>& bound, bool mixed) {
+  for (std::vector<Member> team = this->team(mixed); !team.empty(); team = this->team(mixed)) {
     use_ = {};
     std::vector<AssemblyUse> uses(team.size());
     std::vector<std::pair<std::string, Error>> lost;
@@ -91,13 +102,23 @@ void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&
     try {
       options.maker = [&](const PatchTable& patches, const Blockers& blockers) -> std::unique_ptr<TileMaker> {
         std::vector<std::unique_ptr<TileMaker>> makers;
+        std::vector<double> shares;
         for (std::size_t k = 0; k < team.size(); ++k) {
-          makers.push_back(std::make_unique<DeviceTiles>(*team[k], patches, blockers, options, uses[k]));
+          Device& device = *team[k].device;
+          if (team[k].embree) {
+            uses[k].device = device.info().id;
+            makers.push_back(std::make_unique<EmbreeTiles>(patches, blockers, options.budget, options.seed));
+          } else {
+            makers.push_back(std::make_unique<DeviceTiles>(device, patches, blockers, options, uses[k]));
+          }
+          if (team[k].share > 0) shares.push_back(team[k].share);
         }
         if (makers.size() == 1) return std::move(makers.front());
-        return std::make_unique<TeamTiles>(std::move(makers), patches.blocks(), [&](std::size_t k, const Error& error) {
-          lost.emplace_back(team[k]->info().id, error);
-        });
+        if (shares.size() != makers.size()) shares.clear();
+        const auto lose = [&](std::size_t k, const Error& error) {
+          lost.emplace_back(team[k].device->info().id, error);
+        };
+        return std::make_unique<TeamTiles>(std::move(makers), patches.blocks(), lose, std::move(shares));
       };
       const double compiled_before = compile_statistics().seconds;
       AssemblyReport& report = act(options);
@@ -117,7 +138,7 @@ void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&
         text.insert(std::min(text.find('\n'), text.size()), "; " + kept);
         throw Error(error.kind(), text);
       }
-      if (lost.empty()) lost.emplace_back(team.front()->info().id, error);
+      if (lost.empty()) lost.emplace_back(team.front().device->info().id, error);
       settle();
     }
   }
@@ -127,16 +148,17 @@ void Assembler::run(AssemblyOptions options, const std::function<AssemblyReport&
 }
 
 std::uint32_t Assembler::maker() {
-  const std::vector<Device*> makers = team();
-  return makers.empty() ? iff::maker_embree : iff::maker_of(makers.front()->info().backend);
+  const std::vector<Member> makers = team(false);
+  return makers.empty() ? iff::maker_embree : iff::maker_of(makers.front().device->info().backend);
 }
 
 FormFactors Assembler::assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink& progress) {
   FormFactors factors;
-  run(options, [&](const AssemblyOptions& with_maker) -> AssemblyReport& {
+  const auto act = [&](const AssemblyOptions& with_maker) -> AssemblyReport& {
     factors = interflect::assemble(mesh, with_maker, &progress);
     return factors.report;
-  });
+  };
+  run(options, act, {}, options.panels == nullptr);
   return factors;
 }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "interflect/formfactor/assembly.h"
@@ -31,8 +32,9 @@ struct AssemblyUse {
   std::uint64_t bytes_over_bus = 0;  ///< of F or S, between host and devices, both ways
 };
 
-/// Gives the assembly on the host its tiles: from the first candidate where that assembles, else from Embree. Of
-/// candidates that work together, those that assemble and have the backend of the first of them share the tiles.
+/// Gives the assembly on the host its tiles: from the first candidate where that assembles, else from Embree.
+/// Candidates that work together share the tiles: by their split where that is fixed, else as fast as each is. Where S
+/// is kept in a file, which has one kind of maker, only those with the backend of the first that assembles.
 class Assembler {
  public:
   Assembler(Candidates& candidates, AssemblyPlace place) : candidates_(candidates), place_(place) {}
@@ -44,8 +46,10 @@ class Assembler {
   /// says what has been kept that no other one may go on with: the device's Error then says that, too. Throws what
   /// `act` throws, and the last candidate's Error.
   void run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act,
-           const std::function<std::string()>& bound = {});
-  /// assemble() by it.
+           const std::function<std::string()>& bound = {}) {
+    run(std::move(options), act, bound, false);
+  }
+  /// assemble() by it; without panels that are kept, by makers of several kinds.
   [[nodiscard]] FormFactors assemble(const PatchMesh& mesh, const AssemblyOptions& options, ProgressSink& progress);
 
   /// Who makes the tiles now, as a file of form factors has it: iff::maker_embree, ...
@@ -56,7 +60,14 @@ class Assembler {
   [[nodiscard]] AssemblyPlace place() const { return place_; }
 
  private:
-  [[nodiscard]] std::vector<Device*> team();
+  struct Member {
+    Device* device = nullptr;
+    bool embree = false;  ///< OpenMP's
+    double share = 0;     ///< where the split is fixed
+  };
+  [[nodiscard]] std::vector<Member> team(bool mixed);
+  void run(AssemblyOptions options, const std::function<AssemblyReport&(const AssemblyOptions&)>& act,
+           const std::function<std::string()>& bound, bool mixed);
   void leave_out(const std::string& id, const Error& error);
 
   Candidates& candidates_;

@@ -5,6 +5,7 @@
 #include <deque>
 #include <exception>
 #include <mutex>
+#include <numeric>
 #include <thread>
 #include <utility>
 
@@ -23,15 +24,48 @@ struct TeamTiles::Runs {
     TileFacts facts = {};
   };
   std::vector<Run> all;
-  std::deque<std::size_t> open;
+  std::vector<std::deque<std::size_t>> open;  ///< one for all, or one for each maker
+  std::deque<std::size_t>& of(std::size_t maker) { return open.size() == 1 ? open.front() : open[maker]; }
   std::size_t done = 0, working = 0;
   std::exception_ptr failure;  ///< ends it
   std::mutex mutex;
   std::condition_variable changed;
 };
 
-TeamTiles::TeamTiles(std::vector<std::unique_ptr<TileMaker>> makers, std::size_t blocks, Lost lost)
-    : makers_(std::move(makers)), blocks_(blocks), lost_(std::move(lost)) {}
+TeamTiles::TeamTiles(std::vector<std::unique_ptr<TileMaker>> makers, std::size_t blocks, Lost lost,
+                     std::vector<double> shares)
+    : makers_(std::move(makers)), blocks_(blocks), lost_(std::move(lost)), shares_(std::move(shares)) {}
+
+/// All runs to one list; or, by shares, to one for each maker: its part of the tiles, nearest to where the parts end.
+void TeamTiles::deal(Runs& runs) const {
+  runs.open.resize(shares_.empty() ? 1 : makers_.size());
+  double all = 0, tiles = 0;
+  for (const Runs::Run& run : runs.all) all += static_cast<double>(tiles_in_rows(run.first, run.end, blocks_));
+  const double sum = std::accumulate(shares_.begin(), shares_.end(), 0.0);
+  std::size_t maker = 0;
+  double end = shares_.empty() ? all : all * shares_.front() / sum;
+  for (std::size_t number = 0; number < runs.all.size(); ++number) {
+    const auto own = static_cast<double>(tiles_in_rows(runs.all[number].first, runs.all[number].end, blocks_));
+    while (maker + 1 < runs.open.size() && tiles + own / 2 > end) end += all * shares_[++maker] / sum;
+    runs.open[maker].push_back(number);
+    tiles += own;
+  }
+  for (std::size_t k = 0; k < makers_.size() && !shares_.empty(); ++k) {
+    if (makers_[k] == nullptr) hand_on(k, runs);
+  }
+}
+
+/// The runs of a maker that is left out to the next one.
+void TeamTiles::hand_on(std::size_t maker, Runs& runs) const {
+  if (runs.open.size() == 1) return;
+  std::size_t next = maker;
+  do next = (next + 1) % makers_.size();
+  while (next != maker && makers_[next] == nullptr);
+  if (next == maker) return;
+  std::deque<std::size_t>& to = runs.open[next];
+  to.insert(to.end(), runs.open[maker].begin(), runs.open[maker].end());
+  runs.open[maker].clear();
+}
 
 TileFacts TeamTiles::make(std::size_t first, std::size_t end, const TileSink& sink, ProgressSink& progress) {
   Runs runs;
@@ -40,10 +74,10 @@ TileFacts TeamTiles::make(std::size_t first, std::size_t end, const TileSink& si
   for (std::size_t row = first; row < end;) {
     std::size_t next = row + 1;
     while (next < end && tiles_in_rows(row, next, blocks_) < each) ++next;
-    runs.open.push_back(runs.all.size());
     runs.all.push_back({row, next});
     row = next;
   }
+  deal(runs);
   std::vector<std::thread> threads;
   for (std::size_t k = 0; k < makers_.size(); ++k) {
     if (makers_[k] == nullptr) continue;
@@ -68,11 +102,11 @@ void TeamTiles::work(std::size_t maker, Runs& runs, const TileSink& sink, Progre
   std::unique_lock lock(runs.mutex);
   while (true) {
     // Where none is open, one may come back from a maker that fails.
-    runs.changed.wait(lock,
-                      [&] { return !runs.open.empty() || runs.done == runs.all.size() || runs.failure != nullptr; });
-    if (runs.failure != nullptr || runs.open.empty()) return;
-    const std::size_t number = runs.open.front();
-    runs.open.pop_front();
+    runs.changed.wait(
+        lock, [&] { return !runs.of(maker).empty() || runs.done == runs.all.size() || runs.failure != nullptr; });
+    if (runs.failure != nullptr || runs.of(maker).empty()) return;
+    const std::size_t number = runs.of(maker).front();
+    runs.of(maker).pop_front();
     const Runs::Run run = runs.all[number];
     lock.unlock();
     try {
@@ -84,10 +118,11 @@ void TeamTiles::work(std::size_t maker, Runs& runs, const TileSink& sink, Progre
       ++runs.done;
     } catch (const Error& error) {
       lock.lock();
-      runs.open.push_front(number);
+      runs.of(maker).push_front(number);
       --runs.working;
       if (error.kind() == ErrorKind::device) {
         makers_[maker].reset();
+        hand_on(maker, runs);
         lost_(maker, error);
       }
       if (error.kind() != ErrorKind::device || runs.working == 0) runs.failure = std::current_exception();

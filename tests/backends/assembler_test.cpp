@@ -5,6 +5,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <memory>
 
@@ -22,6 +24,7 @@ namespace {
 using namespace test;
 using cli::Assembler;
 using cli::AssemblyPlace;
+using cli::AssemblyUse;
 
 class AssemblerTest : public testing::Test {
  protected:
@@ -137,7 +140,10 @@ TEST_F(AssemblerTest, TwoDevicesOfOneKindShareTheTiles) {
         },
         nullptr, SplitOptions{});
     Assembler assembler(candidates, AssemblyPlace::device);
-    made = assembler.assemble(mesh, {}, silent);
+    MemoryStore store(static_cast<std::uint32_t>(mesh.size()), 1024);
+    AssemblyOptions options;
+    options.panels = &store;  // what is kept has one kind of maker: openmp has no part in it
+    made = assembler.assemble(mesh, options, silent);
     EXPECT_EQ(assembler.maker(), iff::maker_opencl);
     return std::pair{candidates.failures(), assembler.use()};
   };
@@ -165,6 +171,47 @@ TEST_F(AssemblerTest, TwoDevicesOfOneKindShareTheTiles) {
       EXPECT_EQ(failures.size(), fates[failing]->calls > call ? 1U : 0U) << failing << " " << call;
     }
   }
+}
+
+/// OpenMP's Embree and a device share the tiles by a fixed split: the same bits again, and row sums that differ from
+/// Embree's alone by what rays that graze an edge do.
+TEST_F(AssemblerTest, DevicesOfSeveralKindsShareTheTiles) {
+  const PatchMesh mesh = room(4);
+  ProgressSink silent;
+  const auto run = [&](const std::vector<double>& weights, AssemblyUse& use) {
+    SplitOptions split;
+    split.weights = weights;
+    Candidates candidates(
+        {"openmp", "opencl:0"}, [](const std::string& id) { return open_device(id); }, nullptr, split);
+    Assembler assembler(candidates, AssemblyPlace::device);
+    FormFactors made = assembler.assemble(mesh, {}, silent);
+    use = assembler.use();
+    return made;
+  };
+  const auto equal = [&](const FormFactors& a, const FormFactors& b) {
+    for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+      if (!std::equal(a.matrix.row(i).begin(), a.matrix.row(i).end(), b.matrix.row(i).begin())) return false;
+    }
+    return true;
+  };
+  const FormFactors alone = assemble(mesh);
+  AssemblyUse use;
+  const FormFactors shared = run({1, 1}, use), again = run({1, 1}, use);
+  EXPECT_EQ(use.device, "openmp,opencl:0");
+  EXPECT_GT(use.bytes_over_bus, 0U);
+  EXPECT_TRUE(equal(shared, again));
+  const FormFactors as_it_comes = run({}, use);
+  double largest = 0, far = 0;
+  for (std::size_t i = 0; i < mesh.size(); ++i) {
+    largest = std::max(largest, alone.report.row_sum_before[i]);
+    far = std::max({far, std::abs(shared.report.row_sum_before[i] - alone.report.row_sum_before[i]),
+                    std::abs(as_it_comes.report.row_sum_before[i] - alone.report.row_sum_before[i])});
+  }
+  EXPECT_LE(far, 1e-3 * largest);
+  EXPECT_EQ(shared.report.pairs_considered, alone.report.pairs_considered);
+
+  const FormFactors embree = run({1, 0}, use);
+  EXPECT_TRUE(equal(embree, alone));
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <map>
 #include <mutex>
@@ -118,6 +119,64 @@ TEST(TeamTiles, TheLastOnesErrorAndAnyOtherErrorEndIt) {
   };
   EXPECT_EQ(failing(ErrorKind::device, ErrorKind::device), ErrorKind::device);
   EXPECT_EQ(failing(ErrorKind::limit, ErrorKind::limit), ErrorKind::limit);
+}
+
+/// Says of every tile who made it.
+class Signing final : public TileMaker {
+ public:
+  Signing(float name, int fails_at = -1) : name_(name), fails_at_(fails_at) {}
+  TileFacts make(std::size_t first, std::size_t end, const TileSink& sink, ProgressSink&) override {
+    if (calls_++ == fails_at_) throw Error(ErrorKind::device, "gone");
+    TileFacts facts;
+    for (std::size_t r = first; r < end; ++r) {
+      for (std::size_t c = r; c < blocks; ++c) sink(r, c, std::vector<float>(1, name_));
+    }
+    return facts;
+  }
+
+ private:
+  float name_;
+  int fails_at_, calls_ = 0;
+};
+
+std::map<std::pair<std::size_t, std::size_t>, float> signed_by(const std::vector<double>& shares, int first_fails) {
+  std::map<std::pair<std::size_t, std::size_t>, float> tiles;
+  std::mutex mutex;
+  const TileSink sink = [&](std::size_t r, std::size_t c, std::span<const float> s) {
+    const std::lock_guard lock(mutex);
+    tiles[{r, c}] = s[0];
+  };
+  std::vector<std::unique_ptr<TileMaker>> all;
+  for (std::size_t k = 0; k < shares.size(); ++k) {
+    all.push_back(std::make_unique<Signing>(static_cast<float>(k), k == 0 ? first_fails : -1));
+  }
+  TeamTiles team(
+      std::move(all), blocks, [](std::size_t, const Error&) {}, shares);
+  ProgressSink silent;
+  static_cast<void>(team.make(0, blocks, sink, silent));
+  return tiles;
+}
+
+TEST(TeamTiles, WithSharesEachMakesItsOwn) {
+  const auto tiles = signed_by({1, 4, 3}, -1);
+  ASSERT_EQ(tiles.size(), tiles_in_rows(0, blocks, blocks));
+  std::array<double, 3> made{};
+  for (const auto& [place, maker] : tiles) ++made.at(static_cast<std::size_t>(maker));
+  const auto all = static_cast<double>(tiles.size());
+  EXPECT_NEAR(made[0] / all, 0.125, 0.06);
+  EXPECT_NEAR(made[1] / all, 0.5, 0.06);
+  EXPECT_NEAR(made[2] / all, 0.375, 0.06);
+  for (int again = 0; again < 20; ++again) EXPECT_EQ(signed_by({1, 4, 3}, -1), tiles);
+  EXPECT_NE(signed_by({4, 1, 3}, -1), tiles);
+}
+
+TEST(TeamTiles, WithSharesWhatIsLostGoesToTheNext) {
+  for (const int call : {0, 2}) {
+    const auto tiles = signed_by({4, 1, 3}, call), again = signed_by({4, 1, 3}, call);
+    EXPECT_EQ(tiles.size(), tiles_in_rows(0, blocks, blocks));
+    EXPECT_EQ(tiles, again);
+    EXPECT_NE(tiles, signed_by({4, 1, 3}, -1));
+  }
 }
 
 /// The twin: tiles that a maker leaves out are seen.
