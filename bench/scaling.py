@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Strong and weak scaling of `interflect solve` over MPI ranks, and the model that is fitted to it (docs/scaling.md).
 
-  bench/scaling.py measure PROGRAM [-o scaling.json] [--ranks 1,2,3,4] [--repetitions 3] [--patches 9680] [--quick]
+  bench/scaling.py measure PROGRAM [-o scaling.json] [--ranks 1,2,3,4] [--repetitions 3] [--patches 9680]
   bench/scaling.py report scaling.json      the tables of docs/scaling.md: what was measured, the fit, what the model predicts
 
 Every rank computes on one thread. Runs of all sizes take turns; figures are medians. A run that fails, or whose products are
@@ -25,13 +25,13 @@ VECTOR_VALUES = 15  # reads and writes of a CG iteration per column and patch (h
 FORMATS = {"dense32": 4.0, "dense16": 2.0, "tiled16": 2.0 * 0.37, "sym16": 2.0 * 0.37 / 2}  # bytes per N²; tiles as in room-17128
 # What the predictions take for granted: data sheets, and shares that other machines reached. None of it was measured here.
 GPU = {"memory": 80e9, "usable": 0.9, "bandwidth": 3.35e12, "share": 0.85, "per_node": 8,
-       "near_latency": 10e-6, "near_bandwidth": 300e9, "far_latency": 15e-6, "far_bandwidth": 40e9}
+       "near_latency": 10e-6, "near_bandwidth": 25e9, "far_latency": 15e-6, "far_bandwidth": 40e9, "bus": 25e9}
 KERNEL_LIMIT = 1 << 20  # patches (kernels/README.md)
 
 
 def steps(ranks):
-    """Rounds in which a message reaches every rank."""
-    return math.ceil(math.log2(ranks)) if ranks > 1 else 0
+    """Rounds of messages of a product: the all-gather's and the broadcast's, in each of which a message reaches every rank."""
+    return 2 * math.ceil(math.log2(ranks)) if ranks > 1 else 0
 
 
 def gathered(patches, ranks):
@@ -139,7 +139,9 @@ def seconds_of_product(patches, gpus, size):
     near = steps(min(gpus, GPU["per_node"]))
     far = steps(gpus) - near
     width = GPU["near_bandwidth"] if gpus <= GPU["per_node"] else GPU["far_bandwidth"]
-    talk = near * GPU["near_latency"] + far * GPU["far_latency"] + gathered(patches, gpus) / width
+    # y goes down to the host and, when it is whole, up again.
+    copies = 2 * 4 * COLUMNS * patches / GPU["bus"] if gpus > 1 else 0
+    talk = near * GPU["near_latency"] + far * GPU["far_latency"] + gathered(patches, gpus) / width + copies
     return size * patches ** 2 / (gpus * rate), 4 * VECTOR_VALUES * COLUMNS * patches / rate, talk
 
 
@@ -152,7 +154,7 @@ def predicted_tables(products):
     print("\n| patches | storage | GPUs | F, ms | vectors, ms | messages, ms | a solve, s |")
     print("| --: | --- | --: | --: | --: | --: | --: |")
     for patches in (17128, 131072, 524288, 1048576):
-        for name in ("dense32", "sym16"):
+        for name in ("dense32", "tiled16"):
             for gpus in (1, 8, 64, 512):
                 if most_patches(gpus, FORMATS[name]) < patches:
                     continue

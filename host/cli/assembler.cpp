@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -71,7 +72,8 @@ std::vector<Assembler::Member> Assembler::team(bool mixed) {
     const Member member{devices[k], mixed && info.backend == "openmp", weights.empty() ? 0 : weights.at(k)};
     if (!member.embree && !assembles(place_, info)) continue;
     // Tiles of several kinds differ in rays that graze an edge.
-    const bool alike = team.empty() || info.backend == team.front().device->info().backend;
+    const auto kind = [](const DeviceInfo& of) { return std::tie(of.backend, of.name, of.driver); };
+    const bool alike = team.empty() || kind(info) == kind(team.front().device->info());
     if (!mixed && !alike) continue;
     team.push_back(member);
     assembling += member.embree ? 0 : 1;

@@ -87,7 +87,7 @@ class Batch {
     row.end = solve(planned, console);
     row.result = result_of(row.end);
     row.seconds = timer.seconds();
-    interrupted_ = row.end.failure == ErrorKind::interrupted;
+    interrupted_ = row.end.failure == ErrorKind::interrupted || console.interrupted();
     if (row.end.failure) say_error(*row.end.failure, fmt::format("{}: {}", who, row.end.reason));
   }
 

@@ -70,7 +70,7 @@ PlannedJob plan_job(const std::string& scene, const GivenOptions& options, const
     for (const std::string& value : values) {
       planned.options[name].push_back(expanded(value, scene));
       const std::string& word = planned.options[name].back();
-      if (word.starts_with('-')) {
+      if (word.starts_with('-') || app.get_option("--" + name)->get_items_expected_max() == 0) {
         words.push_back(fmt::format("--{}={}", name, word));
       } else {
         words.insert(words.end(), {"--" + name, word});
@@ -114,6 +114,9 @@ void check_plan(const std::vector<PlannedJob>& jobs, const std::vector<std::stri
   for (std::size_t k = 0; k < jobs.size(); ++k) {
     for (const std::string& file : written_by(jobs[k])) {
       const auto [at, first] = writers.emplace(identity(file), k);
+      if (!first && at->second == k && identity(file) == identity(done_file(jobs[k].job))) {
+        throw Error(ErrorKind::usage, fmt::format("{}: {} is the note that says that the job is done", jobs[k].where, file));
+      }
       if (first || at->second == k) continue;
       throw Error(ErrorKind::usage,
                   fmt::format("{}: {} is written by {}, too: {{name}} in a file's name stands for the "

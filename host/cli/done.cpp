@@ -85,8 +85,8 @@ bool is_done(const PlannedJob& planned) {
     return noted.at("made_from") == made_from(planned, read_scene(planned.job.scene.file));
   } catch (const Error&) {
     return false;  // a file is gone, or is another: the job itself will say what is wrong
-  } catch (const ordered_json::exception&) {
-    return false;  // the note is damaged
+  } catch (const std::exception&) {
+    return false;  // the note is damaged, or there is no memory for the scene: solving will say so
   }
 }
 

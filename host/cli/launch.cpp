@@ -32,10 +32,10 @@ int number_of(const std::vector<const char*>& names, int otherwise) {
   return otherwise;
 }
 
-/// 0: not started by mpirun; 1: as one rank, or it does not say of how many.
+/// How many mpirun has started; 0: it has not started us; -1: a launcher that does not say how many.
 int ranks_started() {
   const int size = number_of({"OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS"}, 0);
-  return size != 0 ? size : std::getenv("PMIX_RANK") != nullptr ? 1 : 0;
+  return size != 0 ? size : std::getenv("PMIX_RANK") != nullptr ? -1 : 0;
 }
 
 int rank_started() {
@@ -99,8 +99,8 @@ Launch::Launch(std::string_view command) {
   } catch (const Error& error) {
     if (started == 1) return;  // a job of one rank needs no other
     throw Error(error.kind(),
-                fmt::format("mpirun has started this program as {} ranks, and {}: start it without mpirun", started,
-                            error.what()));
+                fmt::format("mpirun has started this program as {} ranks, and {}: start it without mpirun",
+                            started > 0 ? std::to_string(started) : "several", error.what()));
   }
   joined.reset(join());
   if (started > 1 && joined->size() == 1) {

@@ -7,12 +7,15 @@
 #include <array>
 #include <limits>
 #include <optional>
+#include <span>
+#include <sstream>
 #include <utility>
 
 #include "interflect/base/error.h"
 #include "interflect/base/file.h"
 #include "interflect/base/timer.h"
 #include "interflect/device/registry.h"
+#include "interflect/formfactor/iff_format.h"
 #include "interflect/formfactor/rank_assembly.h"
 #include "interflect/schedule/rank_product.h"
 #include "interflect/schedule/storage_choice.h"
@@ -119,7 +122,11 @@ RankFormFactors assemble(const MeshedScene& loaded, const AssemblyOptions& optio
   Keeping keeping;
   keeping.around([&] {
     assembler.run(options, [&](const AssemblyOptions& with_maker) -> AssemblyReport& {
-      keeping.within([&] { out = assemble_rows(ranks(), loaded.mesh, with_maker, store, &progress); });
+      try {
+        keeping.within([&] { out = assemble_rows(ranks(), loaded.mesh, with_maker, store, &progress); });
+      } catch (const AgreedError& error) {
+        throw Error(ErrorKind::internal, error.what());  // or the ranks would go on with what each has left
+      }
       return out.own.report;
     });
   });
@@ -192,6 +199,33 @@ RanksReport report_of(const RankFormFactors& rows, const std::vector<std::string
   return out;
 }
 
+/// Collective: throws where not all ranks have read the same scene.
+void check_same(const PatchMesh& mesh) {
+  std::uint64_t hash = 1;
+  for (const std::vector<Rgb>* values : {&mesh.reflectance, &mesh.emittance}) {
+    hash = iff::checksum(std::as_bytes(std::span(*values)), hash);
+  }
+  const auto all = ranks().all_texts(fmt::format("{} {}", iff::hex(iff::geometry_hash(mesh)), hash));
+  if (std::adjacent_find(all.begin(), all.end(), std::not_equal_to<>()) == all.end()) return;
+  throw AgreedError(ErrorKind::input, "the ranks have read different scenes: the file is not the same on all machines");
+}
+
+/// Those of all ranks, by rank.
+std::vector<DeviceFailure> failures_of_all(const std::vector<DeviceFailure>& own) {
+  std::string text;
+  for (const DeviceFailure& failure : own) text += fmt::format("{}\x1f{}\x1e", failure.device, failure.reason);
+  std::vector<DeviceFailure> all;
+  const std::vector<std::string> texts = ranks().all_texts(text);
+  for (std::size_t rank = 0; rank < texts.size(); ++rank) {
+    std::istringstream list(texts[rank]);
+    for (std::string one; std::getline(list, one, '\x1e');) {
+      const std::size_t cut = one.find('\x1f');
+      all.push_back({one.substr(0, cut), fmt::format("{} (rank {})", one.substr(cut + 1), rank)});
+    }
+  }
+  return all;
+}
+
 /// One solve with F's rows in one format.
 class RowsSolve {
  public:
@@ -208,7 +242,10 @@ class RowsSolve {
   Solved run(Candidates& candidates, const PackedMatrix* packed, StorageUse use) {
     const RanksUse before = ranks().use();
     const std::uint32_t columns = columns_at_once(light_.emittance.size());
+    bool placed = false;
     const Place place = [&](std::vector<std::unique_ptr<Device>> devices) {
+      // The other ranks are in the middle of the solve: this one cannot begin again alone.
+      if (std::exchange(placed, true)) throw Error(ErrorKind::device, candidates.failures().back().reason);
       const SplitOptions split = candidates.split();
       return keeping_.within([&] {
         return packed != nullptr
@@ -318,6 +355,7 @@ PlacedSolve solve_on_ranks(const MeshedScene& loaded, const SceneOptions& scene,
                            Candidates& candidates, ProgressSink& progress, const Lamps& lamps) {
   check(scene, options);
   const PatchMesh& mesh = loaded.mesh;
+  check_same(mesh);
   Assembler assembler(candidates, assembly_place(options.assembly));
   const RanksUse at_first = ranks().use();
   KeptRows kept = rows_for_solve(options.form_factors, loaded, scene, assembler, progress);
@@ -334,6 +372,7 @@ PlacedSolve solve_on_ranks(const MeshedScene& loaded, const SceneOptions& scene,
   out.assembly.bytes_over_bus += out.solved.uploaded_bytes;
   const auto exact = [&](const Columns& x, auto& y) { exact_product(rows, ranks(), x, y); };
   out.energy = energy_balance(exact, mesh, out.solved.radiosity, kept.rows.own.report.row_sum);
+  out.solved.failures = failures_of_all(out.solved.failures);
   out.ranks = report_of(kept.rows, out.solved.devices, assembled - at_first, solve.communication);
   out.factors = std::move(kept.rows.own);
   return out;
@@ -342,6 +381,7 @@ PlacedSolve solve_on_ranks(const MeshedScene& loaded, const SceneOptions& scene,
 KeptFormFactors keep_on_ranks(const std::string& file, const MeshedScene& loaded, const SceneOptions& options,
                               Assembler& assembler, ProgressSink& progress) {
   if (options.memory) refuse("--memory");
+  check_same(loaded.mesh);
   KeptRows kept = keep_rows(file, loaded, options, assembler, progress);
   KeptFormFactors out;
   out.factors.report = std::move(kept.rows.own.report);

@@ -86,6 +86,9 @@ std::vector<double> weights_of(const std::string& text, std::size_t devices) {
 }  // namespace
 
 std::optional<SplitOptions> together_of(const SolvingOptions& options, std::size_t devices) {
+  if (options.split != "auto" && ranks().size() > 1) {
+    throw Error(ErrorKind::usage, "--split: not on several ranks yet: start it without mpirun");
+  }
   if (options.device != "auto") return SplitOptions{.weights = weights_of(options.split, devices), .said = {}};
   if (options.split == "auto") return std::nullopt;
   throw Error(ErrorKind::usage, "--split needs the devices that share: --device with their ids, or all");

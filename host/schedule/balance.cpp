@@ -108,6 +108,8 @@ bool Balance::note(const std::vector<std::uint64_t>& bytes, const std::vector<do
 
 bool Balance::learn(const std::vector<std::uint64_t>& bytes) {
   const std::vector<double> rate = rates(2, 1.0);
+  // F is empty, or a rank has no rows of it: there is nothing to learn from.
+  if (std::none_of(rate.begin(), rate.end(), [](double r) { return r > 0; })) return false;
   const std::vector<double> best = divided(rate);
   // Seconds of a product as it is cut now, and as it could be.
   double now = 0, then = 0;

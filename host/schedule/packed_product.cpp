@@ -150,6 +150,14 @@ class SymmetricProduct final : public PackedProduct {
     }
   }
   [[nodiscard]] std::uint64_t needed_bytes() const override { return PackedProduct::needed_bytes() + partial_bytes(); }
+  /// With other columns slots lie elsewhere, and those that no block writes must be zero.
+  void use(const VectorArguments& shape, std::uint32_t groups) override {
+    const bool other = shape.columns != shape_.columns;
+    PackedProduct::use(shape, groups);
+    if (!other || partial_ == nullptr) return;
+    partial_.reset();
+    make_room();
+  }
 
  private:
   [[nodiscard]] std::uint64_t partial_bytes() const {

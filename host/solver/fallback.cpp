@@ -186,7 +186,9 @@ FallbackReport solve_on(Candidates& candidates, const Place& place, Method metho
         candidates.give_up(error);
         if (solved) solve.begin_anew();
       } catch (const Error& none_left) {
-        if (last == LastFails::throws || none_left.kind() != ErrorKind::device || solve.kept_iterations() == 0) throw;
+        // The others may have died, or this one may have no room for all of F.
+        const bool lost = none_left.kind() == ErrorKind::device || none_left.kind() == ErrorKind::limit;
+        if (last == LastFails::throws || !lost || solve.kept_iterations() == 0) throw;
         result.lost = none_left;
         if (!solved) radiosity = solve.unfinished();
         done = true;

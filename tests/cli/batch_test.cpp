@@ -187,6 +187,7 @@ TEST(BatchTest, AManifestThatIsWrongIsNamedWithItsJob) {
   EXPECT_THAT(said(job(R"(, "tol": "x")")), HasSubstr("--tol"));
   EXPECT_THAT(said(job(R"(, "tol": [1e-3])")), HasSubstr("'tol' is a list"));
   EXPECT_THAT(said(job(R"(, "two-sided": 1)")), HasSubstr("true or false is wanted"));
+  EXPECT_THAT(said(job(R"(, "two-sided": false, "tol": "x")")), HasSubstr("--tol"));  // false is none of the scenes
   EXPECT_THAT(said(job(R"(, "output": [])")), HasSubstr("'output' is an empty list"));
   EXPECT_THAT(said(job(R"(, "output": null)")), HasSubstr("'output' is null"));
   EXPECT_THAT(said(job(R"(, "tol": 1e-3, "tol": 1e-4)")), HasSubstr("'tol' comes twice"));

@@ -4,9 +4,11 @@ mpirun or without the MPI module, unless INTERFLECT_TEST_REQUIRE names mpi."""
 
 import json
 import os
+import shutil
 import signal
+import subprocess
 
-from mpirun import SCENE, errors_of, floats, main, wait_for
+from mpirun import LIMIT, ROOT, SCENE, environment, errors_of, floats, main, wait_for
 
 ENDLESS = ("solve", SCENE, "--patches", "500", "--device", "openmp", "--method", "jacobi", "--iterations",
            "9000000")
@@ -29,7 +31,8 @@ def what_all_ranks_meet_is_said_once(job):
 
 
 def what_ranks_cannot_do_is_said(job):
-    for arguments in (("solve", SCENE, "--storage", "sym16"), ("solve", SCENE, "--memory", "1M"), ("devices",),
+    for arguments in (("solve", SCENE, "--storage", "sym16"), ("solve", SCENE, "--memory", "1M"),
+                      ("solve", SCENE, "--split", "1,1"), ("devices",),
                       ("serve", SCENE), ("formfactors", SCENE, "--patches", "200")):
         fails_once(job, 2, "start it without mpirun", 2, *arguments, *(() if arguments[0] in ("devices", "serve") else
                                                                      ("--device", "openmp")))
@@ -48,6 +51,56 @@ def a_rank_without_its_device_ends_all(job):
         return
     fails_once(job, 4, "(rank 1)", 2, "solve", SCENE, "--device", f"openmp,{missing[0]}", CUDA_VISIBLE_DEVICES="",
                OCL_ICD_VENDORS="/nowhere")
+
+
+def a_device_that_fails_on_one_rank_ends_all(job):
+    """Also where that rank has others: it cannot begin again alone. Three devices for two ranks: rank 0 has two."""
+    if "opencl:0" not in job.devices or "vulkan:0" not in job.devices:
+        print("not run: it takes opencl:0 and vulkan:0")
+        return
+    kernels = os.path.join(ROOT, "kernels")
+    for number, broken in enumerate(("cg.cl", "matvec.cl")):  # as the solve begins; as F is placed, which all agree on
+        folder = job.file(f"kernels-{number}")
+        shutil.copytree(kernels, folder)
+        os.remove(os.path.join(folder, "cl", broken))
+        solve = (job.program, "solve", SCENE, "--patches", "300", "--device", "opencl:0,openmp,vulkan:0", "-o", "broken.npy")
+        command = ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", "1", "env", f"INTERFLECT_KERNEL_DIR={folder}", *solve,
+                   ":", "-n", "1", *solve]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, cwd=job.folder,
+                              env=environment(INTERFLECT_CACHE="off"), check=False)
+        assert done.returncode == 4 and broken in done.stderr, done
+        assert not os.path.exists(job.file("broken.npy"))
+
+
+def a_rank_without_rows_has_devices_too(job):
+    if "opencl:0" not in job.devices or "vulkan:0" not in job.devices:
+        print("not run: it takes opencl:0 and vulkan:0")
+        return
+    solve = ("solve", os.path.join(ROOT, "scenes", "furnace.obj"), "--patches", "10", "--quiet")
+    assert job.run(0, *solve, "--device", "openmp", "-o", "one.npy").returncode == 0
+    done = job.run(2, *solve, "--device", "openmp,opencl:0,vulkan:0", "-o", "two.npy")
+    assert done.returncode == 0 and not errors_of(done.stderr), done
+    one, two = floats(job.content("one.npy")), floats(job.content("two.npy"))
+    assert max(abs(a - b) for a, b in zip(one, two)) < 1e-5 * max(one)
+
+
+def ranks_with_different_scenes_are_told_apart(job):
+    with open(os.path.join(ROOT, "scenes", "furnace.obj"), encoding="utf-8") as stream:
+        text = stream.read()
+    with open(os.path.join(ROOT, "scenes", "furnace.mtl"), encoding="utf-8") as stream:
+        materials = stream.read()
+    command = ["mpirun", "--oversubscribe", "--bind-to", "none"]
+    for rank, name in enumerate(("here", "there")):
+        os.makedirs(job.file(name))
+        with open(job.file(f"{name}/furnace.obj"), "w", encoding="utf-8") as stream:
+            stream.write(text)
+        with open(job.file(f"{name}/furnace.mtl"), "w", encoding="utf-8") as stream:
+            stream.write(materials if rank == 0 else materials.replace("Kd 0.", "Kd 0.1", 1))
+        command += [*([] if rank == 0 else [":"]), "-n", "1", "--wdir", job.file(name), job.program, "solve", "furnace.obj", "--device",
+                    "openmp"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, cwd=job.folder, env=environment(), check=False)
+    said = errors_of(done.stderr)
+    assert done.returncode == 3 and len(said) == 1 and "different scenes" in said[0], done
 
 
 def a_file_that_one_rank_cannot_use_ends_all(job):
@@ -119,6 +172,7 @@ def an_interrupt_of_mpirun_ends_the_job(job):
 
 if __name__ == "__main__":
     main([what_all_ranks_meet_is_said_once, what_ranks_cannot_do_is_said, without_the_module_no_rank_solves_alone,
-          a_rank_without_its_device_ends_all, a_file_that_one_rank_cannot_use_ends_all, a_killed_rank_ends_the_job,
+          a_rank_without_its_device_ends_all, a_device_that_fails_on_one_rank_ends_all, a_rank_without_rows_has_devices_too,
+          ranks_with_different_scenes_are_told_apart, a_file_that_one_rank_cannot_use_ends_all, a_killed_rank_ends_the_job,
           another_number_of_ranks_goes_on_from_a_checkpoint,
           an_interrupt_leaves_the_best_so_far, an_interrupt_of_mpirun_ends_the_job])

@@ -35,6 +35,12 @@ bool product(Balance& shares, const std::vector<double>& rates, double latency =
   return shares.note(bytes, seconds);
 }
 
+TEST(Balance, WithoutAnythingToMultiplyThereIsNothingToLearn) {
+  Balance shares = balance(3);
+  for (int k = 0; k < 3; ++k) EXPECT_FALSE(shares.note({0, 0, 0}, {0, 0, 0}));
+  EXPECT_EQ(shares.moves(), 0U);
+}
+
 /// Seconds of a product, relative to the least possible.
 double over_ideal(const Balance& shares, const std::vector<double>& rates) {
   double longest = 0, together = 0;

@@ -155,6 +155,39 @@ TEST(SplitProduct, ColumnsCanChange) {
   }
 }
 
+/// The partial sums of sym16 move with the number of columns; slots of blocks that are empty, or another device's, are
+/// zero for every one.
+TEST(SplitProduct, ColumnsOfSym16CanChange) {
+  constexpr std::uint32_t n = 640;  // two rooms that do not see each other: blocks between them are empty
+  FormFactorMatrix f(n);
+  for (std::uint32_t i = 0; i < n; ++i) {
+    for (std::uint32_t j = 0; j < n; ++j) f.row(i)[j] = (i < n / 2) == (j < n / 2) && i != j ? 2.0F / n : 0.0F;
+  }
+  const std::vector<double> area(n, 1.0);
+  PackedMatrix::Options options;
+  options.block = 128;
+  const PackedMatrix packed(f, area, Storage::sym16, options);
+  Columns x(7, std::vector<float>(n));
+  for (std::size_t c = 0; c < x.size(); ++c) {
+    for (std::uint32_t i = 0; i < n; ++i) x[c][i] = static_cast<float>(1 + (i * (c + 3)) % 17);
+  }
+  Scheduler one(packed, openmp(), 7), three(packed, devices(3), 7, {.weights = {1, 1, 1}});
+  for (Scheduler* scheduler : {&one, &three}) {
+    for (const std::uint32_t columns : {7U, 3U, 1U, 7U}) {
+      scheduler->use_columns(columns);
+      const Columns some(x.begin(), x.begin() + columns);
+      std::vector<std::vector<double>> exact;
+      exact_product(packed, some, exact);
+      const Columns y = applied(*scheduler, some);
+      for (std::size_t c = 0; c < columns; ++c) {
+        for (std::uint32_t i = 0; i < n; ++i) {
+          ASSERT_NEAR(static_cast<double>(y[c][i]), exact[c][i], 1e-4) << columns << " columns";
+        }
+      }
+    }
+  }
+}
+
 TEST(SplitProduct, EachDeviceMultipliesItsOwnRowsOnly) {
   const std::vector<std::shared_ptr<Counts>> counts{std::make_shared<Counts>(), std::make_shared<Counts>()};
   Scheduler scheduler(room().form_factors, devices(2, counts, false), 3, {.weights = {1, 3}});
