@@ -9,6 +9,7 @@
 #include "interflect/formfactor/patch_order.h"
 #include "interflect/solver/fallback.h"
 #include "schedule/failing_device.h"
+#include "schedule/products.h"
 #include "solver/reference.h"
 #include "solver/room.h"
 
@@ -43,30 +44,7 @@ const Room& room() {
 }
 
 Columns wave(std::size_t columns) {
-  Columns x(columns, std::vector<float>(room().form_factors.size()));
-  for (std::size_t c = 0; c < columns; ++c) {
-    for (std::size_t i = 0; i < x[c].size(); ++i) x[c][i] = 1.5F + std::cos(static_cast<float>(i + 11 * c));
-  }
-  return x;
-}
-
-Columns applied(Scheduler& scheduler, const Columns& x) {
-  Vector in = scheduler.vector(), out = scheduler.vector();
-  scheduler.upload(in, x);
-  scheduler.apply(in, out);
-  Columns y;
-  scheduler.download(out, y);
-  return y;
-}
-
-double largest_error(const Columns& y, const std::vector<std::vector<double>>& exact) {
-  double worst = 0;
-  for (std::size_t c = 0; c < y.size(); ++c) {
-    for (std::size_t i = 0; i < y[c].size(); ++i) {
-      worst = std::max(worst, std::abs(static_cast<double>(y[c][i]) - exact[c][i]) / exact[c][i]);
-    }
-  }
-  return worst;
+  return positive_wave(room().form_factors.size(), columns);
 }
 
 /// All terms are positive: the bound of the kernel that each row comes from.

@@ -10,6 +10,7 @@
 #include "interflect/schedule/scheduler.h"
 #include "interflect/schedule/storage_choice.h"
 #include "schedule/counting_device.h"
+#include "schedule/products.h"
 #include "solver/room.h"
 
 namespace interflect {
@@ -44,25 +45,9 @@ PackedMatrix packed(Storage storage, std::uint64_t panel_bytes = std::uint64_t{1
   return {room().form_factors, room().area, storage, std::move(options)};
 }
 
-Columns applied(const PackedMatrix& f, const Columns& x) {
+Columns product_of(const PackedMatrix& f, const Columns& x) {
   Scheduler scheduler(f, openmp(), static_cast<std::uint32_t>(x.size()));
-  Vector in = scheduler.vector(), out = scheduler.vector();
-  scheduler.upload(in, x);
-  scheduler.apply(in, out);
-  Columns y;
-  scheduler.download(out, y);
-  return y;
-}
-
-/// The largest |y − exact| / exact; all terms are positive.
-double largest_error(const Columns& y, const std::vector<std::vector<double>>& exact) {
-  double worst = 0;
-  for (std::size_t c = 0; c < y.size(); ++c) {
-    for (std::size_t i = 0; i < y[c].size(); ++i) {
-      worst = std::max(worst, std::abs(static_cast<double>(y[c][i]) - exact[c][i]) / exact[c][i]);
-    }
-  }
-  return worst;
+  return applied(scheduler, x);
 }
 
 constexpr double kernel_bound = 2e-5;           // fp32 sums of a few hundred positive terms, far from it
@@ -75,7 +60,7 @@ TEST(PackedScheduler, EveryFormatGivesTheProduct) {
     exact_product(room().form_factors, x, exact);
     for (const Storage storage : formats) {
       const PackedMatrix f = packed(storage);
-      const Columns y = applied(f, x);
+      const Columns y = product_of(f, x);
       std::vector<std::vector<double>> rounded;
       exact_product(f, x, rounded);
       EXPECT_LT(largest_error(y, rounded), kernel_bound) << name(storage);
@@ -96,26 +81,26 @@ TEST(PackedScheduler, ALostElementIsSeen) {
   row[largest] = 0;
   damaged.row(largest)[5] = 0;
   for (const Storage storage : formats) {
-    EXPECT_GT(largest_error(applied(PackedMatrix(damaged, room().area, storage), x), exact), rounding_bound);
+    EXPECT_GT(largest_error(product_of(PackedMatrix(damaged, room().area, storage), x), exact), rounding_bound);
   }
 }
 
 TEST(PackedScheduler, PanelsBlocksAndThreadsChangeNothingButRounding) {
   const Columns x = wave(3);
   for (const Storage storage : formats) {
-    const Columns whole = applied(packed(storage), x);
-    EXPECT_EQ(applied(packed(storage, 50'000), x), whole) << name(storage);
+    const Columns whole = product_of(packed(storage), x);
+    EXPECT_EQ(product_of(packed(storage, 50'000), x), whole) << name(storage);
     const int before = ::omp_get_max_threads();
     for (const int threads : {1, 3}) {
       ::omp_set_num_threads(threads);
-      EXPECT_EQ(applied(packed(storage), x), whole) << name(storage) << " with " << threads << " threads";
+      EXPECT_EQ(product_of(packed(storage), x), whole) << name(storage) << " with " << threads << " threads";
     }
     ::omp_set_num_threads(before);
   }
   std::vector<std::vector<double>> exact;
   exact_product(packed(Storage::sym16), x, exact);
   for (const std::uint32_t block : {16U, 32U, 256U, 1024U}) {
-    EXPECT_LT(largest_error(applied(packed(Storage::sym16, 1 << 30, block), x), exact), kernel_bound) << block;
+    EXPECT_LT(largest_error(product_of(packed(Storage::sym16, 1 << 30, block), x), exact), kernel_bound) << block;
   }
 }
 

@@ -12,6 +12,7 @@
 #include "interflect/schedule/worker.h"
 #include "schedule/counting_device.h"
 #include "schedule/failing_device.h"
+#include "schedule/products.h"
 #include "solver/room.h"
 
 // y = F x over several devices, all of them OpenMP's under other names.
@@ -30,11 +31,7 @@ const Room& room() {
 }
 
 Columns wave(std::size_t columns) {
-  Columns x(columns, std::vector<float>(room().form_factors.size()));
-  for (std::size_t c = 0; c < columns; ++c) {
-    for (std::size_t i = 0; i < x[c].size(); ++i) x[c][i] = 1.5F + std::cos(static_cast<float>(i + 11 * c));
-  }
-  return x;
+  return positive_wave(room().form_factors.size(), columns);
 }
 
 /// So many devices "a", "b", ...; those in `copies` do not use F in place.
@@ -54,15 +51,6 @@ std::vector<std::unique_ptr<Device>> devices(std::size_t count, const std::vecto
   return all;
 }
 
-Columns applied(Scheduler& scheduler, const Columns& x) {
-  Vector in = scheduler.vector(), out = scheduler.vector();
-  scheduler.upload(in, x);
-  scheduler.apply(in, out);
-  Columns y;
-  scheduler.download(out, y);
-  return y;
-}
-
 template <class Matrix>
 Columns product_on(const Matrix& f, std::vector<std::unique_ptr<Device>> on, const Columns& x,
                    const SplitOptions& split = {}) {
@@ -70,15 +58,6 @@ Columns product_on(const Matrix& f, std::vector<std::unique_ptr<Device>> on, con
   return applied(scheduler, x);
 }
 
-double largest_error(const Columns& y, const std::vector<std::vector<double>>& exact) {
-  double worst = 0;
-  for (std::size_t c = 0; c < y.size(); ++c) {
-    for (std::size_t i = 0; i < y[c].size(); ++i) {
-      worst = std::max(worst, std::abs(static_cast<double>(y[c][i]) - exact[c][i]) / exact[c][i]);
-    }
-  }
-  return worst;
-}
 constexpr double kernel_bound = 2e-5;  // as packed_test.cpp has it
 
 TEST(SplitProduct, AnySplitOfDense32GivesTheBitsOfOneDevice) {

@@ -8,8 +8,7 @@
 
 #include "schedule/counting_device.h"
 #include "schedule/failing_device.h"
-#include "solver/reference.h"
-#include "solver/room.h"
+#include "solver/lit_room.h"
 
 // A device that fails at its k-th call, for every k of a small solve: alone it ends in one clean Error, with another
 // device behind it in the right result and a report that says so. Nothing leaks and nothing wrong comes out.
@@ -25,27 +24,10 @@ using ::testing::IsEmpty;
 constexpr double never = std::numeric_limits<double>::infinity();  // seconds
 constexpr std::uint64_t no_call = std::numeric_limits<std::uint64_t>::max();
 
-struct Scene {
-  Room room = make_room(3, 2);
-  Light light = lamp_light(room, 0.9F);
-  Doubles solution = reference_solution(room.form_factors, light.reflectance, light.emittance);
-};
-const Scene& scene() {
-  static const Scene made;
+const LitRoom& scene() {
+  static const LitRoom made(0.9F);
   return made;
 }
-
-bool right(const Columns& b, const Doubles& exact, double bound) {
-  for (std::size_t c = 0; c < exact.size(); ++c) {
-    if (!(relative_to_maximum(b.at(c), exact[c]) < bound)) return false;
-  }
-  return true;
-}
-
-struct Sink final : ProgressSink {
-  void message(std::string_view line) override { lines.emplace_back(line); }
-  std::vector<std::string> lines;
-};
 
 /// One solve on a failing device and, with `behind`, a good one.
 struct Attempt {
@@ -54,7 +36,7 @@ struct Attempt {
   Columns b{{7.0F}};
   FallbackReport result;
   std::optional<Error> error;
-  Sink sink;
+  Messages sink;
 
   Attempt(Method method, const StopTest& stop, std::uint64_t fails_at, bool behind, double interval,
           Fate::Way way = Fate::Way::lost) {
@@ -69,7 +51,7 @@ struct Attempt {
           return std::make_unique<CountingDevice>(good);
         },
         &sink);
-    const Scene& s = scene();
+    const LitRoom& s = scene();
     try {
       result = solve_on(candidates, s.room.form_factors, method, stop, s.room.area, s.light.reflectance,
                         s.light.emittance, b, nullptr, interval);
@@ -147,7 +129,7 @@ TEST_P(Fallback, WhatAFinishedPassAcceptedIsKept) {
 
 TEST(FallbackJacobi, AFixedNumberOfBouncesStaysThatNumber) {
   for (const std::uint32_t bounces : {1U, 6U}) {
-    const Scene& s = scene();
+    const LitRoom& s = scene();
     const Doubles exact =
         reference_bounces(s.room.form_factors, s.light.reflectance, s.light.emittance, static_cast<int>(bounces));
     const StopTest stop{.iterations = bounces};
@@ -164,7 +146,7 @@ TEST(FallbackJacobi, AFixedNumberOfBouncesStaysThatNumber) {
 // The twins: the tests above would see a device that fails without a word.
 
 TEST(FallbackTwin, OneSkippedLaunchIsAWrongNumberOfBounces) {
-  const Scene& s = scene();
+  const LitRoom& s = scene();
   const StopTest stop{.iterations = 6};
   const Doubles exact = reference_bounces(s.room.form_factors, s.light.reflectance, s.light.emittance, 6);
   const Attempt whole(Method::jacobi, stop, no_call, false, never);
@@ -199,7 +181,7 @@ TEST_P(Fallback, TwinADeviceThatDiesSilentlyDoesNotConverge) {
 // Which failures another device can help with.
 
 FallbackReport solved_on(Candidates& candidates, const Columns& emittance, Columns& b) {
-  const Scene& s = scene();
+  const LitRoom& s = scene();
   return solve_on(candidates, s.room.form_factors, Method::cg, {}, s.room.area, s.light.reflectance, emittance, b);
 }
 
@@ -266,7 +248,7 @@ TEST(Candidates, ADeviceThatIsOpenAlreadyIsUsedOnce) {
 // The checkpoint itself.
 
 TEST(Checkpoint, AColumnThatIsWorseThanNothingIsDropped) {
-  const Scene& s = scene();
+  const LitRoom& s = scene();
   Checkpoint checkpoint;
   checkpoint.b = s.light.emittance;
   for (float& value : checkpoint.b[0]) value = 1e6F;
@@ -282,7 +264,7 @@ TEST(Checkpoint, AColumnThatIsWorseThanNothingIsDropped) {
 }
 
 TEST(Checkpoint, TheLimitOfIterationsCountsWhatTheIterateIsMadeOf) {
-  const Scene& s = scene();
+  const LitRoom& s = scene();
   for (const std::uint32_t kept : {3U, 5U, 9U}) {
     Checkpoint checkpoint;
     checkpoint.b = s.light.emittance;
@@ -301,8 +283,8 @@ TEST(Checkpoint, TheLimitOfIterationsCountsWhatTheIterateIsMadeOf) {
 
 /// What is measured after a solve may lose the device as well: then the next one solves, and is measured.
 TEST(Fallback, ADeviceLostAfterTheSolveIsFollowedByTheNext) {
-  const Scene& s = scene();
-  Sink sink;
+  const LitRoom& s = scene();
+  Messages sink;
   const auto open = [](const std::string&) -> std::unique_ptr<Device> {
     return std::make_unique<CountingDevice>(std::make_shared<Counts>());
   };

@@ -17,8 +17,7 @@
 #include "interflect/solver/iterate_file.h"
 #include "schedule/counting_device.h"
 #include "schedule/failing_device.h"
-#include "solver/reference.h"
-#include "solver/room.h"
+#include "solver/lit_room.h"
 
 namespace interflect {
 namespace {
@@ -28,21 +27,9 @@ using ::testing::Each;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-struct Scene {
-  Room room = make_room(3, 2);
-  Light light = lamp_light(room, 0.95F);
-  Doubles solution = reference_solution(room.form_factors, light.reflectance, light.emittance);
-};
-const Scene& scene() {
-  static const Scene made;
+const LitRoom& scene() {
+  static const LitRoom made(0.95F);
   return made;
-}
-
-bool right(const Columns& b, const Doubles& exact, double bound) {
-  for (std::size_t c = 0; c < exact.size(); ++c) {
-    if (!(relative_to_maximum(b.at(c), exact[c]) < bound)) return false;
-  }
-  return true;
 }
 
 struct Memory final : IterateKeeper {
@@ -60,7 +47,7 @@ struct Result {
 };
 
 Result solve_with(Memory& memory, Method method, const StopTest& stop = {}, std::uint32_t columns = 3) {
-  const Scene& s = scene();
+  const LitRoom& s = scene();
   Scheduler scheduler(s.room.form_factors, openmp(), columns);
   BatchedSolve solve(method, stop, s.room.area, s.light.reflectance, s.light.emittance);
   solve.keep_in(memory);
@@ -127,7 +114,7 @@ TEST(GoingOn, CostsFewerProductsThanFromScratchAndAWrongIterateDoesNot) {
 }
 
 TEST(GoingOn, AFixedNumberOfBouncesIsThatNumber) {
-  const Scene& s = scene();
+  const LitRoom& s = scene();
   const StopTest stop{.iterations = 20};
   Memory whole;
   const Result straight = solve_with(whole, Method::jacobi, stop);
@@ -148,7 +135,7 @@ TEST(GoingOn, AFixedNumberOfBouncesIsThatNumber) {
 }
 
 TEST(GoingOn, TheLastDeviceLeavesItsIterate) {
-  const Scene& s = scene();
+  const LitRoom& s = scene();
   const auto attempt = [&](std::uint64_t fails_at, Memory& memory) {
     auto fate = std::make_shared<Fate>();
     fate->fails_at = fails_at;

@@ -7,8 +7,7 @@
 #include "interflect/solver/fallback.h"
 #include "schedule/counting_device.h"
 #include "schedule/failing_device.h"
-#include "solver/reference.h"
-#include "solver/room.h"
+#include "solver/lit_room.h"
 
 // Devices that solve together, one of which fails at its k-th call, for every k of a small solve: the others end it,
 // the result is right and the report says who was lost. All of them are OpenMP's under other names.
@@ -26,27 +25,14 @@ using ::testing::Not;
 constexpr std::uint64_t no_call = std::numeric_limits<std::uint64_t>::max();
 constexpr double never = std::numeric_limits<double>::infinity();  // seconds
 
-struct Scene {
-  Room room = make_room(3, 2);
-  Light light = lamp_light(room, 0.9F);
-  Doubles solution = reference_solution(room.form_factors, light.reflectance, light.emittance);
-};
-const Scene& scene() {
-  static const Scene made;
+const LitRoom& scene() {
+  static const LitRoom made(0.9F);
   return made;
 }
 
 bool right(const Columns& b, double bound = 5e-6) {
-  for (std::size_t c = 0; c < scene().solution.size(); ++c) {
-    if (!(relative_to_maximum(b.at(c), scene().solution[c]) < bound)) return false;
-  }
-  return true;
+  return test::right(b, scene().solution, bound);
 }
-
-struct Sink final : ProgressSink {
-  void message(std::string_view line) override { lines.emplace_back(line); }
-  std::vector<std::string> lines;
-};
 
 /// One solve by the devices `ids` together, of which "failing" does.
 struct Attempt {
@@ -54,7 +40,7 @@ struct Attempt {
   Columns b{{7.0F}};
   FallbackReport result;
   std::optional<Error> error;
-  Sink sink;
+  Messages sink;
 
   Attempt(const std::vector<std::string>& ids, Method method, std::uint64_t fails_at, double interval,
           LastFails last = LastFails::throws, Fate::Way way = Fate::Way::lost) {
@@ -72,7 +58,7 @@ struct Attempt {
         &sink, SplitOptions{.weights = {}, .said = [](std::size_t, std::uint64_t bytes, double) {
                               return static_cast<double>(bytes) * 1e-9;
                             }});
-    const Scene& s = scene();
+    const LitRoom& s = scene();
     try {
       result = solve_on(candidates, s.room.form_factors, method, {}, s.room.area, s.light.reflectance,
                         s.light.emittance, b, nullptr, interval, {}, last);
@@ -163,7 +149,7 @@ TEST_P(Team, TheLastDeviceIsOneCleanErrorAndTheIterateIsKept) {
     EXPECT_EQ(run.result.report.relative_residual.size(), scene().solution.size());
     ASSERT_EQ(run.b.size(), scene().solution.size());
     // Nearer to the solution than the emittance alone.
-    const Scene& s = scene();
+    const LitRoom& s = scene();
     EXPECT_LT(relative_to_maximum(run.b[0], s.solution[0]), relative_to_maximum(s.light.emittance[0], s.solution[0]));
   }
   EXPECT_TRUE(kept);
@@ -171,7 +157,7 @@ TEST_P(Team, TheLastDeviceIsOneCleanErrorAndTheIterateIsKept) {
 
 /// What is measured after the solve may lose the last device: the solution stays.
 TEST(TeamAfter, TheLastDeviceLostBehindTheSolveCostsNoSolution) {
-  const Scene& s = scene();
+  const LitRoom& s = scene();
   for (const LastFails last : {LastFails::throws, LastFails::gives_up}) {
     Candidates one(open_device("openmp"));
     const Place place = [&](std::vector<std::unique_ptr<Device>> devices) {
