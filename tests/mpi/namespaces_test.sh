@@ -26,6 +26,12 @@ clean() {
   rm -rf "$work"
 }
 trap clean EXIT
+# `ip -n` and `ip netns exec` remount the root, which a chroot refuses.
+within() {
+  local number=$1
+  shift
+  nsenter --net="/run/netns/interflect-$number" "$@"
+}
 ip netns add interflect-1 2>"$work/why" || skip "no network namespaces here: $(cat "$work/why")"
 ip link add "$bridge" type bridge 2>"$work/why" || skip "no bridge here: $(cat "$work/why")"
 ip addr add "$net.254/24" dev "$bridge"
@@ -35,9 +41,9 @@ for k in 1 2 3; do
   ip link add "interflect-v$k" type veth peer name eth0 netns "interflect-$k" 2>"$work/why" ||
     skip "no veth here: $(cat "$work/why")"
   ip link set "interflect-v$k" master "$bridge" up
-  ip -n "interflect-$k" addr add "$net.$k/24" dev eth0
-  ip -n "interflect-$k" link set eth0 up
-  ip -n "interflect-$k" link set lo up
+  within "$k" ip addr add "$net.$k/24" dev eth0
+  within "$k" ip link set eth0 up
+  within "$k" ip link set lo up
 done
 
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMP_NUM_THREADS=1 OMP_WAIT_POLICY=passive

@@ -3,4 +3,4 @@
 # namespaces_test.sh has made; its name is interflect-LASTNUMBER.
 host=$1
 shift
-exec ip netns exec "interflect-${host##*.}" sh -c "$*"
+exec nsenter --net="/run/netns/interflect-${host##*.}" sh -c "$*"
