@@ -46,7 +46,7 @@ for k in 1 2 3; do
   within "$k" ip link set lo up
 done
 
-export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMP_NUM_THREADS=1 OMP_WAIT_POLICY=passive
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMP_NUM_THREADS=1 OMP_WAIT_POLICY=passive NETNS_FOLDERS=$work
 solve=("$program" solve "$scene" --patches 500 --device openmp --quiet)
 "${solve[@]}" -o "$work/one.npy"
 # Only TCP between them: they share no memory, as machines do not.
