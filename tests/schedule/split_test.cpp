@@ -372,9 +372,9 @@ TEST(SplitProduct, ALimitOfOneDeviceLeavesItOut) {
 }
 
 TEST(Worker, CarriesWhatAJobThrows) {
+  int done = 0;  // outlives the worker, whose last job it is in
   Worker worker;
   worker.wait();
-  int done = 0;
   for (int k = 0; k < 100; ++k) {
     worker.start([&] { ++done; });
     worker.wait();
