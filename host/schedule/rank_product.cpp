@@ -36,11 +36,15 @@ class RankProduct final : public Product {
   void place() override {
     agreed(ranks_, [&] { local_->place(); });
     uploaded_bytes_ = local_->uploaded_bytes();
-    use(shape_, groups_);
+    compile_seconds_ = local_->compile_seconds();
+  }
+  void use(const VectorArguments& shape, std::uint32_t groups) override {
+    shape_ = shape;
+    groups_ = groups;
+    local_->use(shape, groups);
+    compile_seconds_ = local_->compile_seconds();
   }
   void apply(Buffer& x, Buffer& y) override {
-    local_->use(shape_, groups_);
-    compile_seconds_ = local_->compile_seconds();
     whole_.resize(std::size_t{shape_.columns} * shape_.vector_stride);
     const auto bytes = std::as_writable_bytes(std::span(whole_));
     if (differ_) {
@@ -68,12 +72,7 @@ class RankProduct final : public Product {
   }
 
  private:
-  /// The own product's kernel for the columns in use; this one has none of its own.
-  [[nodiscard]] std::unique_ptr<Kernel> compile_multiply() override {
-    local_->use(shape_, groups_);
-    compile_seconds_ = local_->compile_seconds();
-    return nullptr;
-  }
+  [[nodiscard]] std::unique_ptr<Kernel> compile_multiply() override { return nullptr; }
 
   std::unique_ptr<Product> local_;
   RankRows rows_;

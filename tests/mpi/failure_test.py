@@ -135,7 +135,7 @@ def a_killed_rank_ends_the_job(job):
 
 def another_number_of_ranks_goes_on_from_a_checkpoint(job):
     # Enough to be killed on the way.
-    solve = ("solve", SCENE, "--patches", "500", "--device", "openmp", "--method", "jacobi", "--iterations", "4000", "--quiet")
+    solve = ("solve", SCENE, "--patches", "500", "--device", "openmp", "--method", "jacobi", "--iterations", "20000", "--quiet")
     keep = ("--checkpoint", "solve.ifc", "--every", "0.05s")
     assert job.run(0, *solve, "-o", "whole.npy").returncode == 0
     started = job.start(2, *solve, *keep, "-o", "parts.npy")
@@ -146,7 +146,7 @@ def another_number_of_ranks_goes_on_from_a_checkpoint(job):
     done = job.run(3, *solve, *keep, "-o", "parts.npy", "--report", "parts.json")
     assert done.returncode == 0, done
     report = json.loads(job.content("parts.json"))
-    assert report["checkpoint"]["iterations_before"] > 0 and report["iterations"] == 4000, report["checkpoint"]
+    assert report["checkpoint"]["iterations_before"] > 0 and report["iterations"] == 20000, report["checkpoint"]
     assert not os.path.exists(job.file("solve.ifc"))
     whole, parts = floats(job.content("whole.npy")), floats(job.content("parts.npy"))
     assert max(abs(a - b) for a, b in zip(whole, parts)) < 1e-5 * max(whole)
